@@ -1,0 +1,3 @@
+from gapeval.cli import main
+
+main()

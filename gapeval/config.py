@@ -1,0 +1,381 @@
+"""Every parameter, once: name, unit, default, range. YAML in, YAML out; an unknown key is an error."""
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from gapeval.errors import ConfigError
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Vector = tuple[Finite, Finite, Finite]
+Quaternion = tuple[Finite, Finite, Finite, Finite]
+Interval = tuple[Finite, Finite]
+
+
+class Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Patch(Section):
+    """The fixed area in front of the robot of Section 3.1.1, for `plane: patch`."""
+
+    depth: Positive = 1.0  # m, from x_min forwards
+    width: Positive = 1.0  # m, centred on the robot
+    max_tilt: Annotated[float, Field(gt=0, lt=math.pi / 2)] = 0.26  # rad, against the robot's xy plane
+    max_offset: Positive = 0.3  # m, against ground_z at the middle of the patch
+    min_points: Annotated[int, Field(ge=3)] = 50
+
+
+class Detector(Section):
+    """Section 3.1 and Table II."""
+
+    k: Annotated[int, Field(ge=1, le=12)] = 6  # i_height = i_width = 2**k + 1, where those are not given
+    i_height: Annotated[int, Field(ge=2, le=4097)] | None = None
+    i_width: Annotated[int, Field(ge=1, le=4097)] | None = None
+    delta_r: Annotated[float, Field(gt=1, le=1000)] = 1.1
+    n_o: Annotated[int, Field(ge=0, le=50)] = 1
+    pl_th: Positive = 0.1  # m
+    x_min: NotNegative = 0.6  # m, robot frame
+    r_max: Positive = 3.0  # m, from the origin of the grid; the paper's R
+    z_min: Annotated[float, Field(gt=0)] = math.inf  # m below the robot frame's origin
+    z_max: Positive = 2.0  # m above the robot frame's origin
+    origin: Literal["sensor", "robot"] = "sensor"
+    plane: Literal["robot", "patch"] = "robot"
+    patch: Patch = Patch()
+    edge: Literal["data", "zero"] = "data"
+    kernel: Literal["rect", "cross"] = "rect"
+
+    @property
+    def height(self) -> int:
+        """The paper's I_height."""
+        return self.i_height if self.i_height is not None else 2**self.k + 1
+
+    @property
+    def width(self) -> int:
+        """The paper's I_width."""
+        return self.i_width if self.i_width is not None else 2**self.k + 1
+
+    @model_validator(mode="after")
+    def box_is_not_empty(self) -> Self:
+        if self.x_min >= self.r_max:
+            raise ValueError(f"x_min {self.x_min} leaves nothing of r_max {self.r_max}")
+        return self
+
+
+class CrossingRules(Section):
+    """Section 3.2: when may the robot cross, and from where to where."""
+
+    d_r: Positive | None = None  # m; default: half the robot's length
+    standoff: NotNegative | None = None  # m before and behind the gap; default: half the robot's length
+    eta: Positive | None = None  # m; the paper's START, END = centre -+ eta e instead of the standoff
+    clearance: NotNegative | None = None  # m around START and END; default: half the robot's width
+    uniform: Literal["area", "kdtree"] = "area"
+    rules: Literal["all", "paper"] = "all"
+    min_observed: Share = 0.5  # share of a pose's footprint that must lie on observed ground
+
+
+class BodyBox(Section):
+    """The robot's own body in its own frame [m]; points in it are dropped."""
+
+    x: Interval
+    y: Interval
+    z: Interval
+
+
+class Robot(Section):
+    length: Positive = 0.68  # m
+    width: Positive = 0.5  # m
+    ground_z: Finite = 0.0  # m, height of the ground in the robot frame
+    body: BodyBox | None = None
+
+
+class BlindBelow(Section):
+    below: Annotated[float, Field(ge=-math.pi / 2, le=math.pi / 2)]  # rad, elevation in the sensor frame
+
+
+class FieldOfView(Section):
+    """What the sensor can see [rad], in the sensor frame."""
+
+    azimuth: Interval = (-math.pi, math.pi)
+    elevation: Interval = (-math.pi / 2, math.pi / 2)
+
+    @model_validator(mode="after")
+    def intervals_are_ordered(self) -> Self:
+        for name, (low, high), limit in (
+            ("azimuth", self.azimuth, math.pi),
+            ("elevation", self.elevation, math.pi / 2),
+        ):
+            if not -limit - 1e-3 <= low < high <= limit + 1e-3:
+                raise ValueError(f"{name} must be [low, high] in radians within ±{limit:.4f}")
+        return self
+
+
+class Sensor(Section):
+    blind_zone: Literal["auto", "none"] | BlindBelow = "auto"
+    fov: FieldOfView | None = None
+
+
+class StaticTransform(Section):
+    """A transform parent<-child that the log lacks."""
+
+    parent: str
+    child: str
+    translation: Vector = (0.0, 0.0, 0.0)
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+
+
+class LogSection(Section):
+    cloud_topic: str | None = None
+    pose_topic: str | None = None
+    robot_frame: str | None = None
+    fixed_frame: str | None = None
+    sensor_frame: str | None = None  # where the laser is; default: the frame of the clouds
+    transforms: tuple[StaticTransform, ...] = ()
+    max_tf_gap: Positive = 0.5  # s between the two transforms that are interpolated
+    stamps: Literal["header", "bag"] = "header"
+    min_matched: Share = 0.5  # share of the clouds that must have all their transforms
+    # rad per log; measured where absent, and then written to the effective configuration
+    lowest_elevation: dict[str, float] = {}
+
+
+class Domain(Section):
+    """Where detections are compared with labels: the box of Section 3.1.1 [m]."""
+
+    x_min: NotNegative
+    r_max: Positive
+
+
+class MinVisible(Section):
+    """A label is asked for when this share of it, or this area, is visible (whichever is less)."""
+
+    share: Share = 0.5
+    area: NotNegative = 0.5  # m2
+
+
+class Scoring(Section):
+    domain: Domain | None = None  # default: the largest box in the grid
+    iou: Annotated[float, Field(gt=0, le=1)] = 0.5
+    hit_coverage: Annotated[float, Field(gt=0, le=1)] = 0.5
+    belongs: Annotated[float, Field(gt=0, le=1)] = 0.1
+    min_visible: MinVisible = MinVisible()
+    obstacle_height: Positive = 0.2  # m above the plane; what is higher throws a shadow
+    ceiling: Positive = 2.0  # m above the plane; what is higher lets the robot, and the ray, pass under it
+
+
+class Configuration(Section):
+    """One point of the grid: all that decides what is detected in a frame."""
+
+    detector: Detector = Detector()
+    crossing: CrossingRules = CrossingRules()
+    robot: Robot = Robot()
+    sensor: Sensor = Sensor()
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The canonical parameters: with i_height and i_width in place of k."""
+        values = self.model_dump(mode="json")
+        del values["detector"]["k"]
+        values["detector"] |= {"i_height": self.detector.height, "i_width": self.detector.width}
+        return values
+
+    @property
+    def id(self) -> str:
+        """12 hex digits over the canonical parameters."""
+        text = json.dumps(self.parameters, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+class Config(Section):
+    """A configuration file: one value of everything, and a grid over any detector or crossing parameter."""
+
+    grid: dict[str, list[Any]] = {}
+    detector: Detector = Detector()
+    crossing: CrossingRules = CrossingRules()
+    robot: Robot = Robot()
+    sensor: Sensor = Sensor()
+    log: LogSection = LogSection()
+    scoring: Scoring = Scoring()
+
+    @property
+    def base(self) -> Configuration:
+        """The configuration without its grid."""
+        return Configuration(
+            detector=self.detector, crossing=self.crossing, robot=self.robot, sensor=self.sensor
+        )
+
+    def to_yaml(self) -> str:
+        values = self.model_dump(mode="json", exclude_none=True)
+        return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+
+
+SWEPT = ("detector", "crossing")  # the sections that a grid may vary
+
+
+def load_config(path: Path | None, assignments: Iterable[str] = (), **explicit: Any) -> Config:
+    """The file's values, then `-p key=value` assignments, then explicit options (dotted with `__`).
+
+    Raises ConfigError that names the file or option, the key and what would be right.
+    """
+    values: dict[str, Any] = {}
+    source = "configuration"
+    if path is not None:
+        source = str(path)
+        values = _read_yaml(path)
+        # The file by itself first, so that an error in it is not blamed on an option.
+        _parse(values | {"grid": {}}, source)
+    grid = values.get("grid") or {}
+    if not isinstance(grid, dict):
+        raise ConfigError(f"{source}: grid: expected `parameter: [values]`, found {type(grid).__name__}")
+    grid = _resolved_grid(grid, source)
+    for text in assignments:
+        key, choices = _parse_assignment(text)
+        section, _, name = key.partition(".")
+        if section in SWEPT and len(choices) > 1:
+            grid[key] = choices
+            continue
+        if len(choices) != 1:
+            raise ConfigError(f"-p {text}: {key} takes one value here; only detector and crossing are swept")
+        grid.pop(key, None)
+        _assign(values, section, name, choices[0])
+    for option, value in explicit.items():
+        if value is not None:
+            section, _, name = option.partition("__")
+            _assign(values, section, name, value)
+    values["grid"] = grid
+    return _parse(values, source if not assignments else f"{source} with -p")
+
+
+def dotted_key(name: str) -> str:
+    """The full key of a parameter's name: `delta_r` -> `detector.delta_r`. Raises ConfigError."""
+    if "." in name:
+        section, _, rest = name.partition(".")
+        if section in Config.model_fields and section != "grid" and _has_key(section, rest):
+            return name
+        raise ConfigError(f"{name}: no such parameter{_suggestion(name)}")
+    homes = [f"{section}.{name}" for section in Config.model_fields if _has_key(section, name)]
+    if len(homes) == 1:
+        return homes[0]
+    if homes:
+        raise ConfigError(f"{name}: say which of {', '.join(homes)}")
+    raise ConfigError(f"{name}: no such parameter{_suggestion(name)}")
+
+
+def set_parameter(configuration: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
+    """A copy of nested values in which the dotted key has another value."""
+    head, _, rest = key.partition(".")
+    changed = dict(configuration)
+    changed[head] = set_parameter(dict(changed.get(head) or {}), rest, value) if rest else value
+    return changed
+
+
+def validation_message(error: ValidationError) -> str:
+    """pydantic's findings in one line: `detector.delta_r: input should be greater than 1 (got 1.0)`."""
+    findings = []
+    for item in error.errors():
+        where = ".".join(str(part) for part in item["loc"])
+        what = item["msg"].removeprefix("Value error, ")
+        if item["type"] == "extra_forbidden":
+            findings.append(f"{where}: no such parameter{_suggestion(where)}")
+        elif isinstance(item["input"], dict | list):
+            findings.append(f"{where}: {what}")
+        else:
+            findings.append(f"{where}: {what[0].lower()}{what[1:]} (got {item['input']!r})")
+    return "; ".join(findings)
+
+
+def _read_yaml(path: Path) -> dict[str, Any]:
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from error
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f":{mark.line + 1}" if mark else ""
+        what = getattr(error, "problem", None) or "not YAML"
+        raise ConfigError(f"{path}{line}: not valid YAML: {what}") from error
+    if values is None:
+        return {}
+    if not isinstance(values, dict):
+        raise ConfigError(f"{path}: expected sections such as `detector:`, found {type(values).__name__}")
+    return {str(key): ({} if value is None else value) for key, value in values.items()}
+
+
+def _parse(values: Mapping[str, Any], source: str) -> Config:
+    try:
+        return Config.model_validate(values)
+    except ValidationError as error:
+        raise ConfigError(f"{source}: {validation_message(error)}") from error
+
+
+def _resolved_grid(grid: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """The grid with dotted keys, each of a section that may be swept."""
+    resolved: dict[str, Any] = {}
+    for name, choices in grid.items():
+        try:
+            key = dotted_key(str(name))
+        except ConfigError as error:
+            raise ConfigError(f"{source}: grid.{error}") from error
+        if not key.startswith(SWEPT):
+            raise ConfigError(f"{source}: grid.{name}: only detector and crossing parameters can be swept")
+        if key in resolved:
+            raise ConfigError(f"{source}: grid.{name}: given twice")
+        if choices is None or choices == []:
+            raise ConfigError(f"{source}: grid.{name}: no values; give at least one, or leave the key out")
+        resolved[key] = choices if isinstance(choices, list) else [choices]
+    return resolved
+
+
+def _parse_assignment(text: str) -> tuple[str, list[Any]]:
+    name, equals, right = text.partition("=")
+    if not equals or not name.strip():
+        raise ConfigError(f"-p {text}: expected key=value or key=value1,value2")
+    try:
+        choices = yaml.safe_load(f"[{right}]")
+    except yaml.YAMLError as error:
+        raise ConfigError(f"-p {text}: cannot read the value {right!r}") from error
+    if not choices:
+        raise ConfigError(f"-p {text}: no value")
+    try:
+        return dotted_key(name.strip()), choices
+    except ConfigError as error:
+        raise ConfigError(f"-p {error}") from error
+
+
+def _assign(values: dict[str, Any], section: str, name: str, value: Any) -> None:
+    values[section] = set_parameter(dict(values.get(section) or {}), name, value)
+
+
+def _nested_models(model: type[BaseModel], name: str) -> list[type[BaseModel]]:
+    annotation = model.model_fields[name].annotation
+    candidates = [annotation, *getattr(annotation, "__args__", ())]
+    return [c for c in candidates if isinstance(c, type) and issubclass(c, BaseModel)]
+
+
+def _has_key(section: str, name: str) -> bool:
+    models = _nested_models(Config, section)
+    *path, leaf = name.split(".")
+    for part in path:
+        models = [n for model in models if part in model.model_fields for n in _nested_models(model, part)]
+    return any(leaf in model.model_fields for model in models)
+
+
+def _suggestion(name: str) -> str:
+    import difflib
+
+    known = {
+        key: f"{section}.{key}"
+        for section in Config.model_fields
+        for model in _nested_models(Config, section)
+        for key in model.model_fields
+    }
+    close = difflib.get_close_matches(name.rpartition(".")[2], known, n=1)
+    return f"; did you mean {known[close[0]]}?" if close else ""

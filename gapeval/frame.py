@@ -1,0 +1,76 @@
+"""The plain data that everything speaks: rigid transforms, and one scan with its pose."""
+
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def rotation_matrices(quaternions: FloatArray) -> FloatArray:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4), ordered x, y, z, w as in ROS."""
+    x, y, z, w = np.moveaxis(np.asarray(quaternions, dtype=np.float64), -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Transform:
+    """A rigid transform target<-source: p_target = rotation(quaternion) p_source + translation.
+
+    translation: (3,) [m]; quaternion: (4,) x, y, z, w, of unit length (normalised when made by `of`).
+    """
+
+    translation: FloatArray
+    quaternion: FloatArray
+    matrix: FloatArray = field(init=False, repr=False)  # rotation, (3, 3)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "matrix", rotation_matrices(self.quaternion))
+
+    @classmethod
+    def of(cls, translation: object, quaternion: object) -> Self:
+        """From anything array-like; raises ValueError for a quaternion without direction."""
+        t = np.array(translation, dtype=np.float64).reshape(3)
+        q = np.array(quaternion, dtype=np.float64).reshape(4)
+        norm = float(np.linalg.norm(q))
+        if not (np.isfinite(t).all() and np.isfinite(norm) and norm > 1e-6):
+            raise ValueError("a transform needs finite numbers and a quaternion other than zero")
+        # A quaternion that is of unit length already stays as it is, so that what was written reads back equal.
+        return cls(t, q if abs(norm - 1.0) < 1e-12 else q / norm)
+
+    @classmethod
+    def identity(cls) -> Self:
+        return cls(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
+
+    def apply(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) of the source frame in the target frame."""
+        return points @ self.matrix.T + self.translation
+
+    def apply_inverse(self, points: FloatArray) -> FloatArray:
+        """Points (..., 3) of the target frame in the source frame."""
+        return (points - self.translation) @ self.matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One scan.
+
+    stamp: integer nanoseconds, from the message header.
+    points: (N, 3) float32, robot frame [m], finite.
+    sensor: robot<-sensor; its translation is the laser's origin.
+    lowest_elevation: lowest ray of the sensor [rad], in the sensor frame; -pi/2 if it sees straight down.
+    pose: fixed<-robot; None for a log without any fixed frame.
+    """
+
+    stamp: int
+    points: NDArray[np.float32]
+    sensor: Transform = field(default_factory=Transform.identity)
+    lowest_elevation: float = -np.pi / 2
+    pose: Transform | None = None
