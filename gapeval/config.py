@@ -22,7 +22,7 @@ Interval = tuple[Finite, Finite]
 
 
 class Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="strings")
 
 
 class Patch(Section):
@@ -181,8 +181,8 @@ class Configuration(Section):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The canonical parameters: with i_height and i_width in place of k."""
-        values = self.model_dump(mode="json")
+        """The canonical parameters, as JSON values: with i_height and i_width in place of k."""
+        values: dict[str, Any] = json.loads(self.model_dump_json())
         del values["detector"]["k"]
         values["detector"] |= {"i_height": self.detector.height, "i_width": self.detector.width}
         return values

@@ -1,4 +1,4 @@
-"""The plain data that everything speaks: rigid transforms, and one scan with its pose."""
+"""The plain data that everything speaks: rigid transforms, planes, and one scan with its pose."""
 
 from dataclasses import dataclass, field
 from typing import Self
@@ -42,7 +42,7 @@ class Transform:
         norm = float(np.linalg.norm(q))
         if not (np.isfinite(t).all() and np.isfinite(norm) and norm > 1e-6):
             raise ValueError("a transform needs finite numbers and a quaternion other than zero")
-        # A quaternion that is of unit length already stays as it is, so that what was written reads back equal.
+        # A unit quaternion stays as it is, so that what was written reads back equal.
         return cls(t, q if abs(norm - 1.0) < 1e-12 else q / norm)
 
     @classmethod
@@ -74,3 +74,28 @@ class Frame:
     sensor: Transform = field(default_factory=Transform.identity)
     lowest_elevation: float = -np.pi / 2
     pose: Transform | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """ax + by + cz + d = 0 in the robot frame, with (a, b, c) of unit length and c > 0."""
+
+    a: float
+    b: float
+    c: float
+    d: float
+
+    def distance(self, points: FloatArray) -> FloatArray:
+        """Eq. (1): signed distance t_i [m] of points (..., 3), positive above the plane; (...)."""
+        t: FloatArray = points @ np.array([self.a, self.b, self.c]) + self.d
+        return t
+
+    def height(self, places: FloatArray) -> FloatArray:
+        """z [m] of the plane at places (..., 2)."""
+        z: FloatArray = 0.0 - (self.a * places[..., 0] + self.b * places[..., 1] + self.d) / self.c
+        return z
+
+
+def robot_plane(ground_z: float) -> Plane:
+    """The plane z = ground_z of the robot frame."""
+    return Plane(0.0, 0.0, 1.0, -ground_z)

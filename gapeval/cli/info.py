@@ -1,0 +1,33 @@
+"""gapeval info."""
+
+import json
+from pathlib import Path
+
+import click
+
+from gapeval.cli.options import PATH, configuration, log_options
+
+
+@click.command()
+@click.argument("logs", nargs=-1, required=True, type=PATH, metavar="LOG...")
+@log_options
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def info(logs: tuple[Path, ...], as_json: bool, **options: str) -> None:
+    """What is in a log, and what gapeval would pick in it.
+
+    Shows the container, topics with types and counts, the time span, the point layout and rate of each
+    cloud topic, the tf tree, the default choices, and what was refused and why.
+
+    \b
+    Example:
+      gapeval info drive.bag
+      gapeval info --json drives/*.mcap
+    """
+    from gapeval.logs.read import describe, render
+
+    settings = configuration(**options).log  # type: ignore[arg-type]
+    descriptions = [describe(path, settings) for path in logs]
+    if as_json:
+        click.echo(json.dumps([description.to_dict() for description in descriptions], indent=2))
+        return
+    click.echo("\n\n".join(render(description) for description in descriptions))

@@ -1,0 +1,86 @@
+"""gapeval labels check, gapeval labels image."""
+
+from pathlib import Path
+
+import click
+
+from gapeval.cli.options import PATH, configuration, log_options
+
+
+@click.group()
+def labels() -> None:
+    """Check labels, and make pictures to draw them on."""
+
+
+@labels.command()
+@click.argument("labels", type=PATH)
+@click.option("--log", type=PATH, metavar="LOG", help="Also check them against this log's frames and time.")
+@log_options
+def check(labels: Path, log: Path | None, **options: str) -> None:
+    """List every problem of a label file, by feature. Exit status 1 if there is any.
+
+    \b
+    Example:
+      gapeval labels check gaps.geojson
+      gapeval labels check gaps.geojson --log drive.mcap
+    """
+    from gapeval.cli.reading import open_logs
+    from gapeval.errors import LabelError
+    from gapeval.labels import check_labels
+    from gapeval.report.label_check import problems_in_log
+
+    found, problems = check_labels(labels)
+    if log is not None:
+        config = configuration(**options)  # type: ignore[arg-type]
+        (recording,) = open_logs([log], config.log)
+        problems += problems_in_log(found, recording, config)
+    for problem in problems:
+        click.echo(problem)
+    if problems:
+        raise LabelError(f"{labels}: {len(problems)} problems")
+    click.echo(f"{labels}: {len(found.labels)} labels, no problem")
+
+
+@labels.command()
+@click.argument("log", type=PATH)
+@click.option("-o", "--output", type=PATH, required=True, metavar="DIR")
+@click.option(
+    "--resolution",
+    type=click.FloatRange(min=0.001),
+    default=0.05,
+    show_default=True,
+    metavar="M",
+    help="Pixel.",
+)
+@click.option(
+    "--range",
+    "reach",
+    type=click.FloatRange(min=0.1),
+    default=20.0,
+    show_default=True,
+    metavar="M",
+    help="Leave out points that are farther from the robot.",
+)
+@log_options
+def image(log: Path, output: Path, resolution: float, reach: float, **options: str) -> None:
+    """Draw a log from above, in its fixed frame, to draw labels on in QGIS.
+
+    Writes LOG.png with a world file (LOG.pgw) and a sidecar (LOG.json: resolution, origin, frame). Colour is
+    the lowest height seen in a pixel, from blue (a metre below the ground) to red (a metre above); nothing
+    was seen where it is transparent. The robot's way is drawn in black.
+
+    \b
+    Example:
+      gapeval labels image drive.mcap -o labelling/
+    """
+    from gapeval.cli.reading import open_logs, progress_bar, say
+    from gapeval.report.birdseye import draw_log
+    from gapeval.results.files import make_folder
+
+    config = configuration(**options)  # type: ignore[arg-type]
+    make_folder(output)
+    (recording,) = open_logs([log], config.log)
+    with progress_bar("draw", len(recording.scans), "frames") as bar:
+        picture = draw_log(recording, config.robot, resolution, reach, bar.update)
+    for path in picture.write(output, log.name):
+        say(f"wrote {path}")

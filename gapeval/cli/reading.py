@@ -1,0 +1,68 @@
+"""Open the logs of a command: progress while they are surveyed, one line on what was picked in each."""
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+    from gapeval.config import LogSection
+    from gapeval.logs.read import Recording
+
+
+def open_logs(paths: Sequence[Path], settings: "LogSection") -> list["Recording"]:
+    """Survey each log; what was picked, refused or is worth a notice goes to stderr."""
+    from gapeval.logs.read import read_recording
+
+    recordings = []
+    for path in paths:
+        with progress_bar(f"open {path.name}", 0, "messages") as bar:
+
+            def show(done: int, total: int, bar: "tqdm[Any]" = bar) -> None:
+                bar.total = total
+                bar.update(done - bar.n)
+
+            recording = read_recording(path, settings, show)
+        recordings.append(recording)
+        frame = f", in {recording.fixed_frame} by {recording.pose_source}" if recording.fixed_frame else ""
+        say(
+            f"{path}: {recording.matched} of {recording.total} clouds of {recording.cloud_topic}, "
+            f"robot {recording.robot_frame}{frame}"
+        )
+        say_refused(path, recording.refused)
+        for notice in recording.notices:
+            say(f"{path}: {notice}")
+    return recordings
+
+
+def say(line: str) -> None:
+    """Everything but results goes to stderr."""
+    click.echo(line, err=True)
+
+
+def say_refused(path: Path, refused: Mapping[str, int]) -> None:
+    for reason, count in refused.items():
+        say(f"{path}: refused {count}: {reason}")
+
+
+@contextmanager
+def progress_bar(title: str, total: int, unit: str) -> Iterator["tqdm[Any]"]:
+    """A live bar on a terminal; elsewhere a line every half minute."""
+    from tqdm import tqdm
+
+    interval = 0.1 if sys.stderr.isatty() else 30.0
+    with tqdm(
+        total=total or None,
+        desc=title,
+        unit=f" {unit}",
+        leave=False,
+        mininterval=interval,
+        delay=0.0 if sys.stderr.isatty() else interval,
+        dynamic_ncols=True,
+    ) as bar:
+        yield bar

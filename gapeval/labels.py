@@ -1,0 +1,316 @@
+"""Hand-labelled gap polygons: the GeoJSON format, its checks, and its way into the robot frame."""
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from gapeval.errors import LabelError
+from gapeval.frame import FloatArray, Plane, Transform
+
+OVERLAP = 1e-9  # m2 that two gap labels may share by rounding
+
+Rings = tuple[FloatArray, ...]  # exterior first; each (N, 3) [m], closed, z NaN where a vertex has none
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Label:
+    """One feature of a label file.
+
+    parts: its polygons, in the frame frame_id. start, end: first and last stamp at which it holds [ns].
+    traversable, length [m] and crossing_yaw [rad, axial, in frame_id]: what is known of crossing it.
+    """
+
+    id: str
+    kind: Literal["gap", "ignore"]
+    frame_id: str
+    parts: tuple[Rings, ...]
+    start: int | None = None
+    end: int | None = None
+    traversable: bool | None = None
+    length: float | None = None
+    crossing_yaw: float | None = None
+
+    def holds_at(self, stamp: int) -> bool:
+        return (self.start is None or stamp >= self.start) and (self.end is None or stamp <= self.end)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Labels:
+    """A label file. stamps: the frames that were labelled [ns]; None means all."""
+
+    path: Path
+    sha256: str
+    labels: tuple[Label, ...]
+    stamps: frozenset[int] | None = None
+
+    def cover(self, stamp: int) -> bool:
+        """Whether the frame at this stamp was labelled, so that what is found there counts."""
+        return self.stamps is None or stamp in self.stamps
+
+
+class Problem(NamedTuple):
+    """What is wrong with a label file, and where: `feature 3 (trench)` or `file`."""
+
+    where: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.reason}"
+
+
+def read_labels(path: Path) -> Labels:
+    """Raises LabelError with the first problem, and how many more there are."""
+    labels, problems = check_labels(path)
+    if problems:
+        more = f" (and {len(problems) - 1} more; see `gapeval labels check`)" if len(problems) > 1 else ""
+        raise LabelError(f"{path}: {problems[0]}{more}")
+    return labels
+
+
+def check_labels(path: Path) -> tuple[Labels, list[Problem]]:
+    """The labels that can be used, and every problem by feature. Raises LabelError if it is no GeoJSON."""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise LabelError(f"{path}: cannot be read: {error.strerror}") from error
+    try:
+        document = json.loads(content)
+    except (ValueError, RecursionError) as error:
+        raise LabelError(f"{path}: not JSON: {error}; labels are a GeoJSON FeatureCollection") from error
+    if not isinstance(document, dict) or document.get("type") != "FeatureCollection":
+        raise LabelError(f"{path}: expected a GeoJSON FeatureCollection")
+    features = document.get("features")
+    if not isinstance(features, list):
+        raise LabelError(f"{path}: a FeatureCollection needs `features`, a list")
+    problems: list[Problem] = []
+    labels: list[Label] = []
+    seen: set[str] = set()
+    for index, feature in enumerate(features):
+        where = f"feature {index}"
+        try:
+            label = _label(feature, document.get("frame_id"))
+            where += f" ({label.id})"
+            if label.id in seen:
+                raise _FeatureError(f"the id {label.id} is used before")
+            seen.add(label.id)
+            labels.append(label)
+        except _FeatureError as refusal:
+            name = _given_id(feature)
+            problems.append(Problem(f"feature {index} ({name})" if name else where, str(refusal)))
+    problems += _overlaps(labels)
+    stamps, wrong = _stamps(document.get("stamps"))
+    problems += wrong
+    return Labels(path, hashlib.sha256(content).hexdigest(), tuple(labels), stamps), problems
+
+
+def require_frames(labels: Labels, robot_frame: str, fixed_frame: str | None) -> None:
+    """Raises LabelError unless every label is in one of these frames, with times if it is the robot's."""
+    known = [frame for frame in (fixed_frame, robot_frame) if frame]
+    for label in labels.labels:
+        if label.frame_id not in known:
+            raise LabelError(
+                f"{labels.path}: label {label.id} is in the frame {label.frame_id!r}, but the log is read "
+                f"in {' and '.join(map(repr, known))}; use --fixed-frame or --robot-frame, or redraw it"
+            )
+        if label.frame_id == robot_frame and (label.start is None or label.end is None):
+            raise LabelError(
+                f"{labels.path}: label {label.id} moves with the robot frame {robot_frame!r}; "
+                "give it `start` and `end` stamps"
+            )
+
+
+def place(label: Label, pose: Transform | None, plane: Plane, robot_frame: str) -> BaseGeometry:
+    """The label as a (Multi)Polygon on the plane, robot frame xy [m], of a robot at this pose (fixed<-robot).
+
+    A vertex with z is projected along the plane's normal, one without is put on the plane along its
+    frame's z. Raises LabelError if that leaves no valid polygon.
+    """
+    if label.frame_id == robot_frame:
+        origin = Transform.identity()
+    elif pose is not None:
+        origin = pose
+    else:
+        raise LabelError(f"label {label.id} is in {label.frame_id!r}, but the frame has no pose in it")
+    polygons = [
+        shapely.Polygon(
+            on_plane(rings[0], origin, plane), [on_plane(hole, origin, plane) for hole in rings[1:]]
+        )
+        for rings in label.parts
+    ]
+    placed = polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
+    if not placed.is_valid:
+        raise LabelError(
+            f"label {label.id}: not a valid polygon when seen in the robot's plane; check its z values"
+        )
+    return placed
+
+
+def on_plane(vertices: FloatArray, origin: Transform, plane: Plane) -> FloatArray:
+    """Places (N, 2) on the plane, robot frame [m], of vertices (N, 3) of another frame; z may be NaN."""
+    flat = np.isnan(vertices[:, 2])
+    points = origin.apply_inverse(np.where(np.isnan(vertices), 0.0, vertices))
+    normal = np.array([plane.a, plane.b, plane.c])
+    fall = np.where(
+        flat[:, None], origin.matrix[2], normal
+    )  # the direction in which a vertex moves to the plane
+    places: FloatArray = (points - fall * (plane.distance(points) / (fall @ normal))[:, None])[:, :2]
+    return places
+
+
+def crossing_yaw(label: Label, pose: Transform | None, robot_frame: str) -> float | None:
+    """The label's crossing_yaw in the robot frame [rad]."""
+    if label.crossing_yaw is None or label.frame_id == robot_frame or pose is None:
+        return label.crossing_yaw
+    heading = np.array([math.cos(label.crossing_yaw), math.sin(label.crossing_yaw), 0.0]) @ pose.matrix
+    return math.atan2(heading[1], heading[0])
+
+
+class _FeatureError(Exception):
+    """Why a feature cannot be used."""
+
+
+def _given_id(feature: Any) -> str:
+    properties = feature.get("properties") if isinstance(feature, dict) else None
+    return str(properties["id"]) if isinstance(properties, dict) and properties.get("id") is not None else ""
+
+
+def _label(feature: Any, default_frame: Any) -> Label:
+    properties = feature.get("properties") if isinstance(feature, dict) else None
+    if not isinstance(properties, dict):
+        raise _FeatureError("no `properties`; a label needs at least an `id`")
+    name = properties.get("id")
+    if not isinstance(name, str | int) or isinstance(name, bool) or name == "":
+        raise _FeatureError("no `id` among its properties")
+    kind = properties.get("kind") or "gap"
+    if kind not in ("gap", "ignore"):
+        raise _FeatureError(f"kind is {kind!r}; use `gap` or `ignore`")
+    frame_id = properties.get("frame_id") or default_frame
+    if not isinstance(frame_id, str) or not frame_id:
+        raise _FeatureError('no frame: add "frame_id": "map" (or another) at the top of the file')
+    start, end = _stamp(properties.get("start"), "start"), _stamp(properties.get("end"), "end")
+    if start is not None and end is not None and start > end:
+        raise _FeatureError(f"start {start} is later than end {end}")
+    return Label(
+        id=str(name),
+        kind="gap" if kind == "gap" else "ignore",
+        frame_id=frame_id.removeprefix("/"),
+        parts=_parts(feature.get("geometry")),
+        start=start,
+        end=end,
+        traversable=_typed(properties, "traversable", bool),
+        length=_typed(properties, "length", float),
+        crossing_yaw=_typed(properties, "crossing_yaw", float),
+    )
+
+
+def _typed(properties: dict[str, Any], key: str, kind: type) -> Any:
+    value = properties.get(key)
+    if kind is float and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    if value is not None and (
+        not isinstance(value, kind) or (isinstance(value, float) and not math.isfinite(value))
+    ):
+        raise _FeatureError(
+            f"{key} is {value!r}; expected a {'number' if kind is float else 'true or false'}"
+        )
+    return value
+
+
+def _stamp(value: Any, key: str) -> int | None:
+    if value is None:
+        return None
+    try:
+        if isinstance(value, bool | float) and value != int(value):
+            raise ValueError
+        return int(value)
+    except (TypeError, ValueError, OverflowError):
+        raise _FeatureError(f"{key} is {value!r}; expected nanoseconds, as a string") from None
+
+
+def _stamps(values: Any) -> tuple[frozenset[int] | None, list[Problem]]:
+    if values is None:
+        return None, []
+    if not isinstance(values, list):
+        return None, [Problem("file", "`stamps` is no list")]
+    try:
+        return frozenset(stamp for value in values if (stamp := _stamp(value, "a stamp")) is not None), []
+    except _FeatureError as refusal:
+        return None, [Problem("file", f"`stamps`: {refusal}")]
+
+
+def _parts(geometry: Any) -> tuple[Rings, ...]:
+    kind = geometry.get("type") if isinstance(geometry, dict) else None
+    if kind not in ("Polygon", "MultiPolygon"):
+        raise _FeatureError(f"geometry is {kind or 'missing'}; expected Polygon or MultiPolygon")
+    coordinates = geometry.get("coordinates")
+    polygons = [coordinates] if kind == "Polygon" else coordinates
+    if not isinstance(polygons, list) or not polygons:
+        raise _FeatureError("no coordinates")
+    parts = tuple(tuple(_ring(ring) for ring in _listed(polygon)) for polygon in polygons)
+    shapes = [shapely.Polygon(rings[0][:, :2], [hole[:, :2] for hole in rings[1:]]) for rings in parts]
+    shape = shapes[0] if len(shapes) == 1 else shapely.MultiPolygon(shapes)
+    if not shape.is_valid:
+        raise _FeatureError(f"not a valid polygon: {shapely.is_valid_reason(shape)}")
+    return parts
+
+
+def _listed(polygon: Any) -> list[Any]:
+    if not isinstance(polygon, list) or not polygon:
+        raise _FeatureError("a polygon without rings")
+    return polygon
+
+
+def _ring(positions: Any) -> FloatArray:
+    try:
+        rows = [[float(value) for value in position] for position in positions]
+    except (TypeError, ValueError):
+        raise _FeatureError("coordinates that are no numbers") from None
+    if any(len(row) not in (2, 3) for row in rows):
+        raise _FeatureError("a vertex needs x, y and perhaps z")
+    ring = np.array([row if len(row) == 3 else [*row, math.nan] for row in rows], dtype=np.float64).reshape(
+        -1, 3
+    )
+    if not np.isfinite(ring[:, :2]).all() or np.isinf(ring).any():
+        raise _FeatureError("coordinates that are not finite")
+    if len(ring) < 4:
+        raise _FeatureError(
+            f"a ring of {len(ring)} positions; it takes at least 4, the last equal to the first"
+        )
+    if not np.array_equal(ring[0], ring[-1], equal_nan=True):
+        raise _FeatureError("an open ring: repeat its first position at the end")
+    return ring
+
+
+def _overlaps(labels: Iterable[Label]) -> list[Problem]:
+    """Pairs of gap labels that share ground at the same time: who found which could not be told."""
+    gaps = [label for label in labels if label.kind == "gap"]
+    shapes = [
+        shapely.union_all(
+            [shapely.Polygon(rings[0][:, :2], [h[:, :2] for h in rings[1:]]) for rings in gap.parts]
+        )
+        for gap in gaps
+    ]
+    problems = []
+    for one, other in zip(*shapely.STRtree(shapes).query(shapes, predicate="intersects"), strict=True):
+        first, second = gaps[one], gaps[other]
+        if one >= other or first.frame_id != second.frame_id:
+            continue
+        apart = (first.end is not None and second.start is not None and first.end < second.start) or (
+            second.end is not None and first.start is not None and second.end < first.start
+        )
+        shared = shapely.intersection(shapes[one], shapes[other]).area
+        if shared > OVERLAP and not apart:
+            problems.append(
+                Problem(
+                    f"label {second.id}", f"overlaps label {first.id} by {shared:.3g} m2; gap labels may not"
+                )
+            )
+    return problems

@@ -1,0 +1,18 @@
+"""Recorded logs -> frames."""
+
+from gapeval.logs.read.description import Description, describe, render
+from gapeval.logs.read.playback import frame_digest, read_frames
+from gapeval.logs.read.preparation import read_recording
+from gapeval.logs.read.recording import Recording, RefusedScan, Scans
+
+__all__ = [
+    "Description",
+    "Recording",
+    "RefusedScan",
+    "Scans",
+    "describe",
+    "frame_digest",
+    "read_frames",
+    "read_recording",
+    "render",
+]

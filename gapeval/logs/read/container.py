@@ -1,0 +1,127 @@
+"""What every kind of log file offers: topics, and raw messages in the order of their bag times."""
+
+import heapq
+from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from gapeval.errors import LogError
+
+Raw = bytes | memoryview
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One topic of one type.
+
+    type: in the spelling of ROS 2, `sensor_msgs/msg/PointCloud2`; names that are not of ROS stay as they are.
+    count: messages, by the log's own statistics.
+    serialization: `ros1`, `cdr`, or what else the log says, such as `protobuf`.
+    definition: text of the message definition, empty where the log has none; syntax: `msg`, `idl` or empty.
+    """
+
+    name: str
+    type: str
+    count: int
+    serialization: str
+    definition: str = ""
+    syntax: Literal["msg", "idl", ""] = ""
+
+
+Message = tuple[Topic, int, Raw]
+Messages = Callable[[Collection[str], int | None, int | None], Iterator[Message]]
+
+
+@dataclass(frozen=True, slots=True)
+class Container:
+    """An open log.
+
+    start, end: first and last bag time [ns]; None without messages, or where only reading would tell.
+    messages: (topic names, start, stop) -> messages with start <= bag time < stop, in the order of their bag
+    times, ties always in the same order. Raises LogError where the file turns out to be damaged.
+    """
+
+    kind: str
+    topics: tuple[Topic, ...]
+    start: int | None
+    end: int | None
+    messages: Messages
+    notices: tuple[str, ...] = ()
+
+
+@contextmanager
+def library_errors(path: Path, kind: str, advice: str) -> Iterator[None]:
+    """Whatever the libraries raise on an odd file (KeyError, AssertionError, ...) as one LogError."""
+    try:
+        yield
+    except LogError:
+        raise
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except Exception as error:
+        text = " ".join(str(error).split())
+        reason = f"{type(error).__name__}: {text[:200]}" if text else type(error).__name__
+        raise LogError(f"{path}: damaged {kind} ({reason}); {advice}") from error
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Puts the log's path in front of a LogError that does not know it."""
+    try:
+        yield
+    except LogError as error:
+        if str(error).startswith(f"{path}"):
+            raise
+        raise LogError(f"{path}: {error}") from error
+
+
+def ros2_type(name: str) -> str:
+    """`sensor_msgs/PointCloud2` -> `sensor_msgs/msg/PointCloud2`; anything else stays as it is."""
+    package, slash, rest = name.partition("/")
+    return f"{package}/msg/{rest}" if slash and "/" not in rest else name
+
+
+def ros1_type(name: str) -> str:
+    """The short spelling that both ROS 1 users and error lines use: `sensor_msgs/PointCloud2`."""
+    return name.replace("/msg/", "/")
+
+
+def merged_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:
+    """One topic for every name and type, counts added, the first definition that is there; sorted by name."""
+    merged: dict[tuple[str, str, str], Topic] = {}
+    for topic in topics:
+        key = (topic.name, topic.type, topic.serialization)
+        known = merged.get(key)
+        if known is None:
+            merged[key] = topic
+        else:
+            source = known if known.definition else topic
+            merged[key] = replace(source, count=known.count + topic.count)
+    return tuple(merged[key] for key in sorted(merged))
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Messages that are opened only when their time has come; start: not later than their first bag time."""
+
+    start: int
+    messages: Callable[[], Iterator[Message]]
+
+
+def in_time_order(sources: Iterable[Source]) -> Iterator[Message]:
+    """Messages of sources that each are in order; a source is not opened before its start is reached."""
+    waiting = list(sources)
+    heap: list[tuple[int, int, Message | None]] = [(s.start, i, None) for i, s in enumerate(waiting)]
+    heapq.heapify(heap)
+    opened: dict[int, Iterator[Message]] = {}
+    while heap:
+        _, index, message = heapq.heappop(heap)
+        if message is not None:
+            yield message
+        if index not in opened:
+            opened[index] = waiting[index].messages()
+        following = next(opened[index], None)
+        if following is not None:
+            heapq.heappush(heap, (following[1], index, following))

@@ -1,0 +1,324 @@
+"""What a log holds and what gapeval would make of it, for `gapeval info`."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapeval.config import LogSection
+from gapeval.errors import LogError
+from gapeval.logs.read.cloud import DATATYPES, UnreadableCloudError, cloud_points
+from gapeval.logs.read.container import Container, Topic, ros1_type
+from gapeval.logs.read.message import POINT_CLOUD, UndecodableError, decode, frame_of, is_decodable
+from gapeval.logs.read.opening import open_container
+from gapeval.logs.read.preparation import recording_of, survey_log
+from gapeval.logs.read.recording import Recording
+from gapeval.logs.read.samples import build_tree, tf_topics
+from gapeval.logs.read.survey import Progress, take_survey
+from gapeval.logs.read.transforms import Edge, TransformTree
+
+
+@dataclass(frozen=True, slots=True)
+class TopicSummary:
+    name: str
+    type: str
+    serialization: str
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class FieldSummary:
+    name: str
+    type: str
+    offset: int
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class CloudSummary:
+    """The first cloud of a topic. rate: clouds per second over the log; finite, not_finite, zero: points.
+
+    problem: why it cannot be read, else empty.
+    """
+
+    topic: str
+    frame_id: str
+    width: int
+    height: int
+    point_step: int
+    row_step: int
+    is_bigendian: bool
+    fields: tuple[FieldSummary, ...]
+    rate: float | None
+    finite: int
+    not_finite: int
+    zero: int
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeSummary:
+    """parent<-child. start, end: first and last stamp [ns]; rate: samples per second; both None if static."""
+
+    parent: str
+    child: str
+    source: str
+    kind: str
+    count: int
+    start: int | None
+    end: int | None
+    rate: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What is picked for a sweep. lowest_elevation: [deg]; refused: reason -> clouds; examples: stamps."""
+
+    cloud_topic: str
+    robot_frame: str
+    fixed_frame: str | None
+    sensor_frame: str
+    pose_source: str
+    matched: int
+    total: int
+    lowest_elevation: float
+    first_stamp: int
+    last_stamp: int
+    refused: dict[str, int]
+    examples: dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """start, end: bag times [ns]. choice: None where picking fails, and problem says why, in one line."""
+
+    path: str
+    container: str
+    start: int | None
+    end: int | None
+    topics: tuple[TopicSummary, ...]
+    clouds: tuple[CloudSummary, ...]
+    transforms: tuple[EdgeSummary, ...]
+    choice: Choice | None
+    problem: str | None
+    notices: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON; stamps are strings, since 2**53 is too small for them."""
+        values: dict[str, Any] = _with_text_stamps(asdict(self))
+        return values
+
+
+STAMPS = ("start", "end", "first_stamp", "last_stamp")
+
+
+def describe(path: Path, settings: LogSection, progress: Progress | None = None) -> Description:
+    """Describes a log, also one that cannot be swept. Raises LogError for what cannot be opened at all."""
+    with open_container(path) as container:
+        topics, start, end, notices = container.topics, container.start, container.end, container.notices
+        kind = container.kind
+        clouds = tuple(_clouds(container))
+    problem, choice, tree = None, None, TransformTree()
+    try:
+        surveyed = survey_log(path, settings, progress)
+        tree, notices = surveyed.tree, surveyed.notices
+        times = surveyed.survey.headers.bag_times
+        clouds = tuple(_with_rate(c, times) if c.topic == surveyed.cloud_topic else c for c in clouds)
+        choice = _choice(recording_of(surveyed, settings))
+    except LogError as error:
+        problem = str(error)
+        if not tree.edges:
+            tree = _tf_alone(path, settings, progress)
+    return Description(
+        path=str(path),
+        container=kind,
+        start=start,
+        end=end,
+        topics=tuple(TopicSummary(t.name, ros1_type(t.type), t.serialization, t.count) for t in topics),
+        clouds=clouds,
+        transforms=tuple(_edge(edge) for edge in tree.all_edges),
+        choice=choice,
+        problem=problem,
+        notices=notices,
+    )
+
+
+def render(description: Description) -> str:
+    """The description as text for people, without a line break at its end."""
+    d = description
+    lines = [f"{d.path}: {d.container}{_span(d.start, d.end)}", "", "topics"]
+    lines += _table([(t.name, t.type, f"{t.count}", _foreign(t)) for t in d.topics])
+    for cloud in d.clouds:
+        lines += ["", *_cloud_lines(cloud)]
+    if d.transforms:
+        lines += ["", "transforms"]
+        lines += _table([(f"{e.parent} <- {e.child}", e.kind, _edge_rate(e), e.source) for e in d.transforms])
+    lines += ["", *(_choice_lines(d.choice) if d.choice is not None else [f"cannot be swept: {d.problem}"])]
+    lines += [f"note: {notice}" for notice in d.notices]
+    return "\n".join(lines)
+
+
+def _with_text_stamps(value: Any, name: str = "") -> Any:
+    if isinstance(value, dict):
+        return {
+            key: _with_text_stamps(item, "examples" if name == "examples" else key)
+            for key, item in value.items()
+        }
+    if isinstance(value, list | tuple):
+        return [_with_text_stamps(item, name) for item in value]
+    return str(value) if name in (*STAMPS, "examples") and isinstance(value, int) else value
+
+
+def _clouds(container: Container) -> list[CloudSummary]:
+    """The first cloud of every topic that has any."""
+    topics = {t.name: t for t in container.topics if t.type == POINT_CLOUD and t.count and is_decodable(t)}
+    summaries = []
+    for name, topic in topics.items():
+        messages = container.messages([name], None, None)
+        try:
+            found, _, raw = next(messages)
+            summaries.append(_cloud(topic, decode(found, raw), _rate(topic, container)))
+        except (StopIteration, LogError, UndecodableError):
+            # The problem comes up again, in full, when the log is surveyed.
+            continue
+    return summaries
+
+
+def _rate(topic: Topic, container: Container) -> float | None:
+    if container.start is None or container.end is None or container.end <= container.start:
+        return None
+    return topic.count / ((container.end - container.start) / 1e9)
+
+
+def _with_rate(cloud: CloudSummary, times: NDArray[np.int64]) -> CloudSummary:
+    """The rate between the topic's own first and last cloud, which matters for short logs."""
+    span = int(times.max() - times.min()) if len(times) else 0
+    return replace(cloud, rate=(len(times) - 1) / (span / 1e9)) if span > 0 else cloud
+
+
+def _cloud(topic: Topic, message: Any, rate: float | None) -> CloudSummary:
+    finite, not_finite, zero, problem = 0, 0, 0, ""
+    try:
+        points = cloud_points(message)
+        finite, not_finite, zero = len(points.xyz), points.not_finite, points.zero
+    except UnreadableCloudError as error:
+        problem = str(error)
+    fields = tuple(
+        FieldSummary(
+            str(f.name),
+            DATATYPES.get(int(f.datatype), (f"type {f.datatype}", ""))[0],
+            int(f.offset),
+            int(f.count),
+        )
+        for f in message.fields
+    )
+    return CloudSummary(
+        topic=topic.name,
+        frame_id=frame_of(message.header.frame_id),
+        width=int(message.width),
+        height=int(message.height),
+        point_step=int(message.point_step),
+        row_step=int(message.row_step),
+        is_bigendian=bool(message.is_bigendian),
+        fields=fields,
+        rate=rate,
+        finite=finite,
+        not_finite=not_finite,
+        zero=zero,
+        problem=problem,
+    )
+
+
+def _tf_alone(path: Path, settings: LogSection, progress: Progress | None) -> TransformTree:
+    """The tree of a log whose clouds are the problem."""
+    try:
+        with open_container(path) as container:
+            names = tf_topics(container.topics, settings.cloud_topic)
+            survey = take_survey(container, None, names, (), progress)
+        return build_tree(survey.samples, settings.transforms)[0]
+    except LogError:
+        # The problem is told already.
+        return TransformTree()
+
+
+def _edge(edge: Edge) -> EdgeSummary:
+    count = len(edge.stamps)
+    if edge.is_static:
+        return EdgeSummary(edge.parent, edge.child, edge.source, "static", count, None, None, None)
+    start, end = int(edge.stamps[0]), int(edge.stamps[-1])
+    rate = (count - 1) / ((end - start) / 1e9) if end > start else None
+    return EdgeSummary(edge.parent, edge.child, edge.source, "dynamic", count, start, end, rate)
+
+
+def _choice(recording: Recording) -> Choice:
+    stamps = recording.scans.stamps
+    return Choice(
+        cloud_topic=recording.cloud_topic,
+        robot_frame=recording.robot_frame,
+        fixed_frame=recording.fixed_frame,
+        sensor_frame=recording.sensor_frame,
+        pose_source=recording.pose_source,
+        matched=recording.matched,
+        total=recording.total,
+        lowest_elevation=math.degrees(recording.lowest_elevation),
+        first_stamp=int(stamps[0]),
+        last_stamp=int(stamps[-1]),
+        refused=dict(recording.refused),
+        examples=dict(recording.examples),
+    )
+
+
+def _choice_lines(choice: Choice) -> list[str]:
+    fixed = choice.fixed_frame or "none"
+    rows = [
+        ("cloud topic", choice.cloud_topic),
+        ("frames", f"robot {choice.robot_frame}, fixed {fixed}, sensor {choice.sensor_frame}"),
+        ("poses", choice.pose_source),
+        ("clouds", f"{choice.matched} of {choice.total} have all transforms"),
+        ("lowest ray", f"{choice.lowest_elevation:.2f} deg"),
+    ]
+    for reason, count in choice.refused.items():
+        shown = ", ".join(str(stamp) for stamp in choice.examples.get(reason, ()))
+        rows.append(("refused", f"{count} x {reason} (e.g. {shown})"))
+    return ["picked", *_table(rows)]
+
+
+def _cloud_lines(cloud: CloudSummary) -> list[str]:
+    rate = "" if cloud.rate is None else f", {cloud.rate:.2f} Hz"
+    order = "big" if cloud.is_bigendian else "little"
+    lines = [
+        f"clouds on {cloud.topic}: frame {cloud.frame_id or '(none)'}, {cloud.width} x {cloud.height}{rate}",
+        f"  {cloud.point_step} bytes per point, {order}-endian; first cloud: {cloud.finite} points, "
+        f"{cloud.not_finite} NaN or infinite, {cloud.zero} at (0, 0, 0)",
+    ]
+    if cloud.problem:
+        lines.append(f"  cannot be read: {cloud.problem}")
+    fields = [
+        (f.name, f.type + (f"[{f.count}]" if f.count > 1 else ""), f"at {f.offset}") for f in cloud.fields
+    ]
+    return lines + _table(fields)
+
+
+def _edge_rate(edge: EdgeSummary) -> str:
+    return f"{edge.count} x" + ("" if edge.rate is None else f", {edge.rate:.1f} Hz")
+
+
+def _foreign(topic: TopicSummary) -> str:
+    return "" if topic.serialization in ("ros1", "cdr") else topic.serialization
+
+
+def _span(start: int | None, end: int | None) -> str:
+    return "" if start is None or end is None else f", {(end - start) / 1e9:.1f} s from {start / 1e9:.3f}"
+
+
+def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
+    if not rows:
+        return []
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  " + "  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows
+    ]

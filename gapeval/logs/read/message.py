@@ -1,0 +1,96 @@
+"""Raw messages -> decoded ones, by the log's own definition or else by the stock one."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from gapeval.logs.read.container import Raw, Topic
+
+POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
+POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+# What is read of each type; a definition in the log that lacks one of these is not believed.
+NEEDED: dict[str, frozenset[str]] = {
+    POINT_CLOUD: frozenset(
+        {"header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data"}
+    ),
+    ODOMETRY: frozenset({"header", "child_frame_id", "pose"}),
+    POSE: frozenset({"header", "pose"}),
+    POSE_WITH_COVARIANCE: frozenset({"header", "pose"}),
+    **dict.fromkeys(TF, frozenset({"transforms"})),
+}
+SERIALIZATIONS = ("ros1", "cdr")
+
+Decode = Callable[[Raw], Any]
+
+
+class UndecodableError(Exception):
+    """A message that does not hold what its definition says."""
+
+
+def decode(topic: Topic, raw: Raw) -> Any:
+    """The message as a dataclass of rosbags; its arrays are views of the raw bytes.
+
+    Raises UndecodableError for a message that is cut, or not of the topic's type.
+    """
+    if not is_decodable(topic):
+        raise UndecodableError(f"{topic.serialization} {topic.type}")
+    decoder = _decoder(topic.type, topic.serialization, topic.syntax, topic.definition)
+    try:
+        return decoder(memoryview(raw))
+    except Exception as error:
+        # struct.error, IndexError, KeyError, SerdeError ...: whatever the generated code runs into.
+        text = " ".join(str(error).split())
+        raise UndecodableError(text or type(error).__name__) from error
+
+
+def is_decodable(topic: Topic) -> bool:
+    return topic.type in NEEDED and topic.serialization in SERIALIZATIONS
+
+
+def stamp_of(header: Any) -> int:
+    """Nanoseconds of a std_msgs/Header."""
+    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+
+
+def frame_of(name: str) -> str:
+    """A frame's name without the leading slash of old ROS 1 logs."""
+    return name.lstrip("/")
+
+
+@lru_cache(maxsize=64)
+def _decoder(kind: str, serialization: str, syntax: str, definition: str) -> Decode:
+    store = _own_store(kind, syntax, definition) or _stock_store(serialization)
+    if serialization == "ros1":
+        return lambda raw: store.deserialize_ros1(raw, kind)
+    return lambda raw: store.deserialize_cdr(raw, kind)
+
+
+def _own_store(kind: str, syntax: str, definition: str) -> Typestore | None:
+    """A store with this type alone, so that no other topic's definition can be in its way."""
+    if not definition:
+        return None
+    store = get_typestore(Stores.EMPTY)
+    try:
+        is_idl = syntax == "idl"
+        store.register(get_types_from_idl(definition) if is_idl else get_types_from_msg(definition, kind))
+        fields = {name for name, _ in store.get_msgdef(kind).fields}
+    except Exception:
+        # Empty, unparsable or incomplete definitions are common, and the stock one serves.
+        return None
+    return store if fields >= NEEDED[kind] else None
+
+
+@lru_cache(maxsize=2)
+def _stock_store(serialization: str) -> Typestore:
+    store = get_typestore(Stores.ROS1_NOETIC if serialization == "ros1" else Stores.ROS2_HUMBLE)
+    for kind in TF:
+        if kind not in store.fielddefs:
+            store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", kind))
+    return store

@@ -1,0 +1,54 @@
+"""Any log by its path. Files are known by their first bytes, never by their suffix."""
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+
+from gapeval.errors import LogError
+from gapeval.logs.read import compression, mcap_index, ros1_bag, sqlite_file
+from gapeval.logs.read.container import Container, library_errors
+from gapeval.logs.read.mcap_file import open_mcap_file
+from gapeval.logs.read.ros1_bag import open_ros1_bag
+from gapeval.logs.read.rosbag2_folder import open_rosbag2_folder
+from gapeval.logs.read.sqlite_file import open_sqlite_file
+
+MAGIC_LENGTH = 16
+KNOWN = "a ROS 1 bag, a rosbag2 folder, a .db3 or an MCAP file"
+
+
+def open_container(path: Path) -> AbstractContextManager[Container]:
+    """An open log. Raises LogError, in one line, for what is missing, no log, or damaged."""
+    if path.is_dir():
+        return open_rosbag2_folder(path, open_file)
+    return open_file(path)
+
+
+def open_file(path: Path) -> AbstractContextManager[Container]:
+    """One file of a log, by itself."""
+    magic = _magic(path)
+    if magic.startswith(ros1_bag.MAGIC):
+        return open_ros1_bag(path)
+    if magic.startswith(sqlite_file.MAGIC):
+        return open_sqlite_file(path)
+    if magic.startswith(mcap_index.MAGIC):
+        return open_mcap_file(path)
+    if magic.startswith(compression.MAGIC):
+        return _open_compressed(path)
+    what = f"starts with {magic[:8]!r}" if magic else "is empty"
+    raise LogError(f"{path}: no log: it {what}; give {KNOWN}")
+
+
+@contextmanager
+def _open_compressed(path: Path) -> Iterator[Container]:
+    with compression.decompressed_file(path) as copy:
+        if _magic(copy).startswith(compression.MAGIC):
+            raise LogError(f"{path}: compressed more than once; unpack it with `zstd -d`")
+        with open_file(copy) as container:
+            yield container
+
+
+def _magic(path: Path) -> bytes:
+    if not path.exists():
+        raise LogError(f"{path}: no such file or folder; give {KNOWN}")
+    with library_errors(path, "file", "record it again"), path.open("rb") as file:
+        return file.read(MAGIC_LENGTH)

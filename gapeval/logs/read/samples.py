@@ -1,0 +1,113 @@
+"""tf and pose messages -> the edges of a transform tree."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from gapeval.config import StaticTransform
+from gapeval.errors import LogError
+from gapeval.logs.read.container import Topic
+from gapeval.logs.read.message import ODOMETRY, POSE, POSE_WITH_COVARIANCE, TF, frame_of, stamp_of
+from gapeval.logs.read.transforms import Edge, Holds, TransformTree, make_edge
+
+POSE_TYPES = (ODOMETRY, POSE, POSE_WITH_COVARIANCE)
+SETTING = "log.transforms"
+# Topics of pose types that say where somebody wants the robot to be.
+WISHES = ("goal", "goal_pose", "initialpose", "current_goal")
+
+
+@dataclass(slots=True)
+class Rows:
+    """Samples of one edge while they are being read."""
+
+    stamps: list[int] = field(default_factory=list)
+    values: list[tuple[float, ...]] = field(default_factory=list)
+
+
+# (parent, child, topic) -> samples
+Samples = dict[tuple[str, str, str], Rows]
+
+
+def is_static_topic(name: str) -> bool:
+    return name.rpartition("/")[2] == "tf_static"
+
+
+def tf_topics(topics: Iterable[Topic], near: str | None) -> tuple[str, ...]:
+    """The names of the tf topics: /tf and /tf_static, else those of the only namespace that has any, else of
+    the namespace of the topic `near`. Raises LogError where that leaves a choice.
+    """
+    found = [t.name for t in topics if t.type in TF and t.count]
+    spaces = {name: name.rpartition("/")[0] for name in found}
+    distinct = sorted(set(spaces.values()))
+    if "" in distinct:
+        distinct = [""]
+    if len(distinct) > 1 and near is not None:
+        distinct = [space for space in distinct if near.startswith(space + "/")] or distinct
+    if len(distinct) > 1:
+        raise LogError(f"tf of several robots, in {', '.join(distinct)}; record one robot per log")
+    return tuple(name for name in found if spaces[name] in distinct)
+
+
+def pose_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:
+    """The topics that may say where the robot is."""
+    return tuple(
+        t for t in topics if t.type in POSE_TYPES and t.count and t.name.rpartition("/")[2] not in WISHES
+    )
+
+
+def add_tf(samples: Samples, topic: str, message: Any) -> None:
+    for item in message.transforms:
+        t, q = item.transform.translation, item.transform.rotation
+        key = (frame_of(item.header.frame_id), frame_of(item.child_frame_id), topic)
+        rows = samples.setdefault(key, Rows())
+        rows.stamps.append(stamp_of(item.header))
+        rows.values.append((t.x, t.y, t.z, q.x, q.y, q.z, q.w))
+
+
+def add_pose(samples: Samples, topic: str, message: Any) -> None:
+    """Odometry, PoseStamped or PoseWithCovarianceStamped; the child is empty where the message has none."""
+    pose = getattr(message.pose, "pose", message.pose)
+    t, q = pose.position, pose.orientation
+    child = frame_of(getattr(message, "child_frame_id", ""))
+    rows = samples.setdefault((frame_of(message.header.frame_id), child, topic), Rows())
+    rows.stamps.append(stamp_of(message.header))
+    rows.values.append((t.x, t.y, t.z, q.x, q.y, q.z, q.w))
+
+
+def build_tree(samples: Samples, extra: Sequence[StaticTransform]) -> tuple[TransformTree, tuple[str, ...]]:
+    """The tree of the log's tf and of the transforms that its user adds, and what is worth telling of it."""
+    edges: dict[tuple[str, str], Edge] = {}
+    notices: list[str] = []
+    # Static ones first: where an edge is in both, the moving one replaces it.
+    for (parent, child, topic), rows in sorted(samples.items(), key=lambda s: not is_static_topic(s[0][2])):
+        holds: Holds = "always" if is_static_topic(topic) else "at its stamps"
+        edge = make_edge(parent, child, holds, rows.values, rows.stamps, topic)
+        if (parent, child) in edges:
+            notices.append(f"{edge.name} is on {edges[parent, child].source} and on {topic}; {topic} is used")
+        edges[parent, child] = edge
+    for item in extra:
+        parent, child = frame_of(item.parent), frame_of(item.child)
+        row = (*item.translation, *item.rotation)
+        if (parent, child) in edges:
+            notices.append(f"{parent}<-{child} of {SETTING} replaces the log's own")
+        edges[parent, child] = make_edge(parent, child, "always", [row], [0], SETTING)
+    own = [key for key in edges if key[0] == key[1]]
+    notices += [f"{key[0]} is its own parent on {edges.pop(key).source}; left out" for key in own]
+    return TransformTree(tuple(edges[key] for key in sorted(edges))), tuple(notices)
+
+
+def pose_edge(samples: Samples, topic: str, robot_frame: str, fixed_frame: str | None) -> Edge:
+    """The edge of a pose topic. Raises LogError where its messages do not agree on their frames."""
+    found = {(parent, child): rows for (parent, child, name), rows in samples.items() if name == topic}
+    if not found:
+        raise LogError(f"no message of {topic} can be read; name another with --pose-topic")
+    if len(found) > 1:
+        pairs = ", ".join(f"{parent or '(no name)'}<-{child or '(robot)'}" for parent, child in sorted(found))
+        raise LogError(f"{topic} changes its frames ({pairs}); name another with --pose-topic")
+    ((parent, child), rows) = next(iter(found.items()))
+    if not parent and fixed_frame is None:
+        raise LogError(f"{topic} does not name its frame; say what to call it with --fixed-frame map")
+    parent, child = parent or str(fixed_frame), child or robot_frame
+    if parent == child:
+        raise LogError(f"{topic} gives {child} in {parent}, which is itself; name another with --pose-topic")
+    return make_edge(parent, child, "at its stamps", rows.values, rows.stamps, topic)

@@ -1,0 +1,172 @@
+"""Topics and frames pick themselves where there is one choice; else one line that lists the candidates."""
+
+from collections.abc import Iterable, Sequence
+
+from gapeval.errors import LogError
+from gapeval.logs.read.container import Topic, ros1_type
+from gapeval.logs.read.message import POINT_CLOUD, is_decodable
+from gapeval.logs.read.samples import POSE_TYPES, pose_topics
+from gapeval.logs.read.transforms import TransformTree, ancestors, find_path, frames
+
+READS = "gapeval reads sensor_msgs/PointCloud2"
+# Types that hold laser scans which gapeval cannot read.
+OTHER_SCANS = ("LaserScan", "MultiEchoLaserScan", "CustomMsg", "PointCloud", "VelodyneScan", "PacketMsg")
+ROBOT_NAMES = ("base_link", "base_footprint")
+FIXED_NAMES = ("map", "odom", "world")
+NEVER_ROBOT = (*FIXED_NAMES, "earth", "utm", "global", "odom_combined")
+LISTED = 12  # candidates that fit into one line
+
+
+def choose_cloud_topic(topics: Sequence[Topic], asked: str | None) -> Topic:
+    """The topic of the clouds. Raises LogError, with the candidates, where there is not exactly one."""
+    clouds = [t for t in topics if t.type == POINT_CLOUD and is_decodable(t)]
+    candidates = [t for t in clouds if t.count]
+    if asked is not None:
+        return _asked_topic(topics, candidates, asked)
+    if len(candidates) == 1:
+        return candidates[0]
+    if candidates:
+        raise LogError(f"several topics have clouds, choose with --cloud-topic: {_counted(candidates)}")
+    if clouds:
+        raise LogError(f"no message on {_listed(t.name for t in clouds)}; record it again")
+    raise LogError(_without_clouds(topics))
+
+
+def choose_pose_topic(topics: Sequence[Topic], asked: str) -> Topic:
+    """The topic named with --pose-topic. Raises LogError, with the candidates, for a wrong name."""
+    candidates = pose_topics(topics)
+    for topic in topics:
+        if _same(topic.name, asked) and topic.type in POSE_TYPES and topic.count and is_decodable(topic):
+            return topic
+    have = f"has {_counted(candidates)}" if candidates else "has none"
+    types = _listed(ros1_type(kind) for kind in POSE_TYPES)
+    raise LogError(f"no topic {asked} with poses ({types}) for --pose-topic; the log {have}")
+
+
+def choose_robot_frame(tree: TransformTree, cloud_frame: str, posed: Sequence[str], asked: str | None) -> str:
+    """The robot's frame; posed: the frames whose poses a pose topic gives.
+
+    Raises LogError, with the candidates, where it is not plain which one that is.
+    """
+    known = sorted({*frames(tree), *posed})
+    if asked is not None:
+        asked = asked.lstrip("/")
+        return _asked_frame({*known, cloud_frame}, asked, "--robot-frame")
+    if not known:
+        raise LogError(
+            f"no transforms, so where the laser sits is unknown; add it with `log: transforms:`, or "
+            f"take the clouds as they are with --robot-frame {cloud_frame} -p log.sensor_frame={cloud_frame}"
+        )
+    for name in ROBOT_NAMES:
+        found = [frame for frame in known if _last(frame) == name]
+        if name in found or len(found) == 1:
+            return name if name in found else found[0]
+        if found:
+            raise LogError(f"several robots, choose with --robot-frame: {_listed(found)}")
+    above = [frame for frame in ancestors(tree, cloud_frame) if _last(frame) not in NEVER_ROBOT] or posed
+    if len(above) == 1:
+        return above[0]
+    candidates = above or [frame for frame in known if _last(frame) not in NEVER_ROBOT] or known
+    raise LogError(f"no frame base_link, choose with --robot-frame: {_listed(candidates)}")
+
+
+def choose_fixed_frame(tree: TransformTree, robot_frame: str, asked: str | None) -> str | None:
+    """The frame in which the world stands still; None where nothing moves against the robot frame.
+
+    Raises LogError, with the candidates, where it is not plain which one that is.
+    """
+    if asked is not None:
+        return _asked_frame({*frames(tree), robot_frame}, asked.lstrip("/"), "--fixed-frame")
+    if tree.pose is not None:
+        return tree.pose.parent
+    above = ancestors(tree, robot_frame)
+    for name in FIXED_NAMES:
+        found = [frame for frame in above if _last(frame) == name]
+        if found:
+            return found[0]
+    # What is bolted to the robot, such as a base_footprint above base_link, is no fixed frame.
+    moving = [frame for frame in above if _moves(tree, frame, robot_frame)]
+    if len(moving) > 1:
+        raise LogError(f"no frame map, odom or world, choose with --fixed-frame: {_listed(moving)}")
+    return moving[0] if moving else None
+
+
+def choose_sensor_frame(
+    tree: TransformTree, cloud_frame: str, robot_frame: str, fixed_frame: str | None, asked: str | None
+) -> str:
+    """The laser's frame: the clouds' own, unless they are not in a laser's frame.
+
+    Raises LogError, with the candidates, for clouds in the robot frame or in one that is fixed.
+    """
+    if asked is not None:
+        return _asked_frame({*frames(tree), cloud_frame}, asked.lstrip("/"), "-p log.sensor_frame=")
+    no_laser = {robot_frame, fixed_frame, *ancestors(tree, robot_frame)}
+    if cloud_frame not in no_laser:
+        return cloud_frame
+    candidates = [frame for frame in frames(tree) if frame not in no_laser]
+    choice = f"one of {_listed(candidates)}" if candidates else f"{robot_frame} if that is where it is"
+    raise LogError(
+        f"the clouds are in {cloud_frame}, which is not the laser's own frame; say where the laser is with "
+        f"-p log.sensor_frame=..., {choice}"
+    )
+
+
+def _asked_topic(topics: Sequence[Topic], candidates: Sequence[Topic], asked: str) -> Topic:
+    for topic in candidates:
+        if _same(topic.name, asked):
+            return topic
+    have = f"clouds are on {_counted(candidates)}" if candidates else _without_clouds(topics)
+    for topic in topics:
+        if _same(topic.name, asked) and topic.type == POINT_CLOUD and not topic.count:
+            raise LogError(f"no message on --cloud-topic {asked}; {have}")
+        if _same(topic.name, asked) and not (topic.type == POINT_CLOUD and is_decodable(topic)):
+            kind = _described_type(topic)
+            raise LogError(f"--cloud-topic {asked} is {kind}, and {READS}; {have}")
+    raise LogError(f"no topic {asked} for --cloud-topic; {have}")
+
+
+def _without_clouds(topics: Sequence[Topic]) -> str:
+    if not any(topic.count for topic in topics):
+        return "no messages at all; record it again"
+    scans = [t for t in topics if t.count and (_last(t.type) in OTHER_SCANS or not is_decodable_type(t))]
+    found = [t for t in topics if t.count and t in scans] or [t for t in topics if t.count]
+    shown = _listed(f"{_described_type(t)} on {t.name} ({t.count})" for t in found)
+    return f"no clouds: {READS}, and the log has {shown}"
+
+
+def is_decodable_type(topic: Topic) -> bool:
+    """Whether a topic is in one of ROS's own serializations."""
+    return topic.serialization in ("ros1", "cdr")
+
+
+def _described_type(topic: Topic) -> str:
+    kind = ros1_type(topic.type) or "a type without name"
+    return kind if is_decodable_type(topic) else f"{kind} as {topic.serialization or 'unknown'}"
+
+
+def _asked_frame(known: Iterable[str], asked: str, option: str) -> str:
+    if asked in known:
+        return asked
+    raise LogError(f"no frame {asked} for {option}; the log has {_listed(sorted(known)) or 'none'}")
+
+
+def _moves(tree: TransformTree, frame: str, robot_frame: str) -> bool:
+    return any(not edge.is_static for edge, _ in find_path(tree, frame, robot_frame) or ())
+
+
+def _same(name: str, asked: str) -> bool:
+    return name.lstrip("/") == asked.lstrip("/")
+
+
+def _last(name: str) -> str:
+    return name.replace(".", "/").rpartition("/")[2]
+
+
+def _counted(topics: Iterable[Topic]) -> str:
+    return _listed(f"{topic.name} ({topic.count})" for topic in topics)
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = list(names)
+    more = f" and {len(every) - LISTED} more" if len(every) > LISTED else ""
+    return ", ".join(every[:LISTED]) + more

@@ -1,0 +1,69 @@
+"""Tables for the terminal."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gapeval.results.store import Store
+from gapeval.results.tables import PARAMETERS
+from gapeval.scoring.metrics import COUNTS, METRICS, figures
+
+BEST_ROWS = 5
+BEST_METRICS = ("hit_rate", "fp_per_frame", "pq", "coverage", "over_area", "splits", "merges")
+
+
+def metrics_table(sums: Mapping[str, float]) -> str:
+    """Every metric with its unit and meaning, and the counts behind it."""
+    found = figures(sums)
+    rows = [(metric.name, short(found[metric.name]), metric.unit, metric.meaning) for metric in METRICS]
+    counts = "  ".join(f"{name} {int(sums.get(name, 0))}" for name in COUNTS)
+    return f"{columns(('metric', 'value', 'unit', 'meaning'), rows)}\n\n{counts}"
+
+
+def best_table(store: Store) -> str:
+    """The best configurations of a sweep over all logs, by the parameters that differ between them."""
+    ranked = store.ranked()[:BEST_ROWS]
+    if not ranked:
+        return "No label was asked for, so no configuration is better than another."
+    varied = [
+        name
+        for name in PARAMETERS
+        if len({point.parameters.get(name) for point in store.points}) > 1
+        and (name not in ("i_height", "i_width") or "k" not in PARAMETERS or _k_is_silent(store))
+    ]
+    rows = []
+    for point in ranked:
+        found = figures(store.sums(point))
+        rows.append(
+            (
+                point.id,
+                *(short(point.parameters.get(name)) for name in varied),
+                *(short(found[name]) for name in BEST_METRICS),
+            )
+        )
+    return columns(("configuration", *varied, *BEST_METRICS), rows)
+
+
+def _k_is_silent(store: Store) -> bool:
+    """Whether k does not tell the resolution of some configuration."""
+    return any(
+        point.parameters["k"] is None
+        or {point.parameters["i_height"], point.parameters["i_width"]} != {2 ** point.parameters["k"] + 1}
+        for point in store.points
+    )
+
+
+def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Rows under their heads, aligned."""
+    widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
+    lines = [
+        "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+        for row in (head, *rows)
+    ]
+    return "\n".join(lines)
+
+
+def short(value: Any) -> str:
+    """A figure for people; files have all digits. A dash for what is undefined."""
+    if value is None:
+        return "-"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,1 @@
+"""The result files: their columns, how they are written, and what they were made from."""

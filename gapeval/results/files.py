@@ -1,0 +1,50 @@
+"""Files that are whole or not there: written under another name, renamed when they are finished."""
+
+import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import IO
+
+from gapeval.errors import GapevalError
+
+UNFINISHED = ".part"
+
+
+def make_folder(folder: Path) -> None:
+    """Raises GapevalError if results cannot be written there."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".{os.getpid()}{UNFINISHED}"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise GapevalError(
+            f"{folder}: cannot write here: {error.strerror}; choose another folder with -o"
+        ) from error
+
+
+@contextmanager
+def whole_files(folder: Path, names: tuple[str, ...]) -> Iterator[dict[str, IO[str]]]:
+    """Open files in a folder; only if all goes well do they appear under their names, in the order given."""
+    unfinished = {name: folder / (name + UNFINISHED) for name in names}
+    try:
+        with ExitStack() as stack:
+            yield {
+                name: stack.enter_context(path.open("w", encoding="utf-8", newline=""))
+                for name, path in unfinished.items()
+            }
+        for name, path in unfinished.items():
+            path.replace(folder / name)
+    except OSError as error:
+        raise GapevalError(f"{folder}: cannot write: {error.strerror}") from error
+    finally:
+        for path in unfinished.values():
+            path.unlink(missing_ok=True)
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[IO[str]]:
+    """One file, whole or not there."""
+    with whole_files(path.parent, (path.name,)) as files:
+        yield files[path.name]

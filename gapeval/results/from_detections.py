@@ -1,0 +1,103 @@
+"""Scores of a detections file, of this program or another, in the same tables as a sweep's."""
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import shapely
+from pydantic import ValidationError
+
+from gapeval.config import Config, Configuration
+from gapeval.detections import DetectedFrame, Detections
+from gapeval.errors import ConfigError, DetectionsError
+from gapeval.frame import Transform
+from gapeval.labels import Labels, require_frames
+from gapeval.results.manifest import label_entry, manifest
+from gapeval.results.store import Store, open_store
+from gapeval.results.tables import Point, point
+from gapeval.sweep.evaluation import rescored
+from gapeval.visibility import domain
+
+FOREIGN = "foreign"  # the configuration of a file that does not say how it was made
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scored:
+    """unmatched: labelled stamps without a frame in the file."""
+
+    sums: dict[str, float]
+    unmatched: int
+
+
+def score_detections(
+    detections: Detections, labels: Labels, config: Config, tolerance: int, folder: Path | None
+) -> Scored:
+    """Score each frame that was labelled; tolerance [ns] between its stamp and a labelled one.
+
+    Raises DetectionsError for a file without domain, ConfigError if none is given for it either.
+    """
+    require_frames(labels, detections.robot_frame, detections.fixed_frame)
+    if not detections.frames:
+        raise DetectionsError(f"{detections.path}: no frames; nothing to score")
+    frames, unmatched = at_labelled_stamps(detections.frames, labels, tolerance)
+    frames = [with_domain(frame, detections, config) for frame in frames]
+    where = filed_under(detections)
+    with open_store(folder, [where]) if folder else nullcontext(Store({}, [where])) as store:
+        for frame in frames:
+            answer = rescored(frame, labels, detections.robot_frame, config.scoring)
+            store.add(detections.log, frame.stamp, [answer], {})
+        if folder:
+            entry = {
+                "log": detections.log,
+                "sha256": detections.log_sha256,
+                "detections": detections.path.name,
+                "frames": len(frames),
+                "repaired": detections.repaired,
+                "unmatched_stamps": unmatched,
+            }
+            store.finish(config, manifest([entry], [label_entry(labels)], 1), [detections.log])
+        return Scored(store.sums(where), unmatched)
+
+
+def at_labelled_stamps(
+    frames: Sequence[DetectedFrame], labels: Labels, tolerance: int
+) -> tuple[list[DetectedFrame], int]:
+    """The frames, those near a labelled stamp moved to it, and how many labelled stamps found none."""
+    if labels.stamps is None:
+        return list(frames), 0
+    left = set(labels.stamps)
+    moved = []
+    for frame in frames:
+        nearest = min(left, key=lambda stamp: abs(stamp - frame.stamp), default=None)
+        if nearest is not None and abs(nearest - frame.stamp) <= tolerance:
+            left.discard(nearest)
+            frame = replace(frame, stamp=nearest)
+        moved.append(frame)
+    return moved, len(left)
+
+
+def with_domain(frame: DetectedFrame, detections: Detections, config: Config) -> DetectedFrame:
+    """The frame as it is, or with the box of the options around the robot where it has no domain."""
+    if frame.domain is not None:
+        return frame
+    box = config.scoring.domain
+    if box is None:
+        raise ConfigError(
+            f"{detections.path}: no domain in the file; add -p 'scoring.domain={{x_min: 0.6, r_max: 3}}'"
+        )
+    everywhere = domain(
+        box.x_min, box.r_max, (0.0, 0.0), frame.plane, Transform.identity(), -90.0, config.sensor.fov
+    )
+    return replace(frame, domain=everywhere, shadow=frame.shadow or shapely.MultiPolygon())
+
+
+def filed_under(detections: Detections) -> Point:
+    """The configuration that a file of ours was made with; `foreign`, without parameters, for others."""
+    if not isinstance(detections.configuration, dict):
+        return Point(FOREIGN, {})
+    values = {name: value for name, value in detections.configuration.items() if name != "id"}
+    try:
+        return point(Configuration.model_validate(values))
+    except ValidationError:
+        return Point(str(detections.configuration.get("id", FOREIGN)), {})

@@ -1,0 +1,135 @@
+"""Write the result files of a sweep or a score, row by row as frames come, sums in memory."""
+
+import csv
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from gapeval.config import Config
+from gapeval.results import tables
+from gapeval.results.files import make_folder, whole_files
+from gapeval.results.tables import Point
+from gapeval.scoring.metrics import add, figures
+from gapeval.sweep.evaluation import Answer
+
+ALL = "all"
+MANIFEST = "manifest.json"
+
+
+@dataclass(slots=True)
+class Totals:
+    """Sums by log and configuration, and the seconds of each stage by log."""
+
+    sums: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    stages: dict[tuple[str, str], list[tuple[float, int]]] = field(default_factory=dict)
+
+    def of(self, log: str, configuration: str) -> dict[str, float]:
+        return self.sums.setdefault(log, {}).setdefault(configuration, {})
+
+
+class Store:
+    """Open result files. Made by `open_store`."""
+
+    def __init__(self, files: Mapping[str, IO[str]], points: Sequence[Point]) -> None:
+        self.points = points
+        self._files = files
+        self._totals = Totals()
+        columns = {"frames.csv": tables.FRAMES, "labels.csv": tables.LABELS, "gaps.csv": tables.GAPS}
+        self._tables = {name: _table(files[name], columns[name]) for name in columns if name in files}
+
+    def add(
+        self, log: str, stamp: int, answers: Sequence[Answer], spent: Mapping[str, Sequence[float]]
+    ) -> None:
+        """One frame: its answers in the order of the points; frames come in order of log and stamp."""
+        for point, answer in zip(self.points, answers, strict=True):
+            where = {"log": log, "stamp": stamp, "configuration": point.id}
+            frame = {"plane_fallback": answer.fallback or None} | tables.sums_row(answer.sums)
+            self._write("frames.csv", where | frame)
+            for row in tables.label_rows(answer):
+                self._write("labels.csv", where | row)
+            for row in tables.gap_rows(answer):
+                self._write("gaps.csv", where | row)
+            for name in (log, ALL):
+                add(self._totals.of(name, point.id), answer.sums)
+        for stage, seconds in spent.items():
+            self._totals.stages.setdefault((log, stage), []).append(
+                (sum(seconds) / len(seconds), len(seconds))
+            )
+
+    def finish(self, config: Config, manifest: Mapping[str, Any], logs: Sequence[str]) -> None:
+        """The files that need all frames: summary, timing, configuration and manifest."""
+        summary = _table(self._files["summary.csv"], tables.SUMMARY)
+        for log in (*logs, ALL):
+            best = self.ranked(log)[:1]
+            for point in self.points:
+                sums = self._totals.of(log, point.id)
+                chosen = point in best and len(self.points) > 1
+                row = {"log": log, "configuration": point.id, "best": True if chosen else None}
+                row |= point.parameters | tables.figures_row(sums) | tables.sums_row(sums)
+                summary.writerow(_cells(row))
+        timing = _table(self._files["timing.csv"], tables.TIMING)
+        for (log, stage), done in self._totals.stages.items():
+            timing.writerow(_cells({"log": log, "stage": stage} | self._timing(done)))
+        self._files["config.yaml"].write(config.to_yaml())
+        json.dump(manifest, self._files[MANIFEST], indent=2, ensure_ascii=False)
+        self._files[MANIFEST].write("\n")
+
+    def ranked(self, log: str = ALL) -> list[Point]:
+        """The configurations, best first: most hits, then fewest false gaps, then pq, then coverage.
+
+        Empty where no label was asked for.
+        """
+        scored = [point for point in self.points if self.sums(point, log).get("asked")]
+
+        def goodness(point: Point) -> tuple[float, ...]:
+            found = figures(self.sums(point, log))
+            order = (("hit_rate", -1), ("fp_per_frame", 1), ("pq", -1), ("coverage", -1))
+            return tuple(sign * (found[name] or 0.0) for name, sign in order)
+
+        return sorted(scored, key=goodness)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The files that are written."""
+        return tuple(self._files)
+
+    def sums(self, point: Point, log: str = ALL) -> dict[str, float]:
+        return self._totals.of(log, point.id)
+
+    def _write(self, file: str, row: Mapping[str, Any]) -> None:
+        self._tables[file].writerow(_cells(row))
+
+    def _timing(self, done: Sequence[tuple[float, int]]) -> dict[str, Any]:
+        seconds = [second for second, _ in done]
+        times = sum(count for _, count in done)
+        return {
+            "shared_by": len(self.points) * len(done) / times,
+            "frames": len(done),
+            "median": float(np.median(seconds)),
+            "p95": float(np.quantile(seconds, 0.95)),
+        }
+
+
+@contextmanager
+def open_store(folder: Path, points: Sequence[Point], with_gaps: bool = False) -> Iterator[Store]:
+    """The result files of a folder; they appear when the block ends well, the manifest last."""
+    make_folder(folder)
+    gaps = ("gaps.csv",) if with_gaps else ()
+    names = ("summary.csv", "frames.csv", "labels.csv", *gaps, "timing.csv", "config.yaml", MANIFEST)
+    with whole_files(folder, names) as files:
+        yield Store(files, points)
+
+
+def _table(file: IO[str], columns: Sequence[str]) -> "csv.DictWriter[str]":
+    table = csv.DictWriter(file, columns, restval="", extrasaction="ignore", lineterminator="\n")
+    table.writeheader()
+    return table
+
+
+def _cells(row: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: tables.cell(value) for name, value in row.items()}

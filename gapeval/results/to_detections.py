@@ -1,0 +1,62 @@
+"""One configuration over one log, written as a detections file."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gapeval.config import Config
+from gapeval.detections import DetectedFrame, write_detections
+from gapeval.errors import GapevalError
+from gapeval.frame import Frame
+from gapeval.logs.read import Recording, frame_digest, read_frames
+from gapeval.results.files import whole_file
+from gapeval.results.manifest import LogHash
+from gapeval.scoring.scene import common_domain
+from gapeval.sweep.evaluation import Question, detected
+from gapeval.sweep.executor import one_thread
+from gapeval.sweep.grid import the_one
+
+
+@dataclass(frozen=True, slots=True)
+class Detected:
+    """What was written, and why clouds were refused: reason -> clouds."""
+
+    configuration: str
+    frames: int
+    gaps: int
+    refused: dict[str, int]
+
+
+def detect_log(config: Config, recording: Recording, output: Path, advance: Callable[[], object]) -> Detected:
+    """Raises ConfigError for a grid with a choice, GapevalError if no cloud could be used."""
+    one_thread()
+    chosen = the_one(config)
+    question = Question((chosen,), config.scoring, *common_domain([chosen], config.scoring))
+    identity = LogHash()
+    refused = dict(recording.refused)
+    header: dict[str, Any] = {
+        "frame_id": recording.robot_frame,
+        "fixed_frame": recording.fixed_frame,
+        "configuration": {"id": chosen.id} | json.loads(chosen.model_dump_json()),
+    }
+    used = 0
+
+    def frames() -> Iterator[DetectedFrame]:
+        nonlocal used
+        for item in read_frames(recording, 0, len(recording.scans)):
+            if isinstance(item, Frame):
+                used += 1
+                identity.add(frame_digest(item))
+                yield detected(item, chosen, question)
+            else:
+                refused[str(item)] = refused.get(str(item), 0) + 1
+            advance()
+        if used == 0:
+            raise GapevalError(f"{recording.path}: no cloud could be used ({'; '.join(refused)})")
+        header["log"] = {"name": recording.path.name, "sha256": identity.hexdigest()}
+
+    with whole_file(output) as file:
+        gaps = write_detections(file, header, frames())
+    return Detected(chosen.id, used, gaps, refused)

@@ -1,0 +1,140 @@
+"""What can be asked of a detector in one frame: domain, shadow and visible labels. No configuration in it."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from gapeval.config import Configuration, Domain, Scoring
+from gapeval.frame import Frame, Plane, Transform, robot_plane
+from gapeval.labels import Label, Labels, crossing_yaw, place
+from gapeval.visibility import areas_only, domain, lowest_ray, shadow, without_body
+
+VISIBLE, PARTLY, SHADOWED, OUT_OF_VIEW = "visible", "partly", "shadowed", "out_of_view"
+WHOLLY = 0.99  # share of a label from which on it is called visible, not partly
+
+Polygons = NDArray[np.object_]  # (N,) of (Multi)Polygon
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """Where a frame's detections count; robot frame xy [m].
+
+    plane: the plane that labels are put on. domain: the box that the sensor can see. shadow: what is
+    hidden in it. origin: foot of the sensor.
+    """
+
+    plane: Plane
+    domain: BaseGeometry
+    shadow: BaseGeometry
+    origin: tuple[float, float]
+
+    @property
+    def visible(self) -> BaseGeometry:
+        return areas_only(shapely.difference(self.domain, self.shadow))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedLabel:
+    """A gap label in one frame; robot frame xy [m].
+
+    whole: the label; visible: its part in the domain and out of shadow. state: visible | partly | shadowed |
+    out_of_view. asked: enough of it is visible. range: from the sensor's foot to its nearest visible point
+    (to its nearest point, where none is visible) [m]. yaw: crossing_yaw in the robot frame [rad].
+    """
+
+    label: Label
+    whole: BaseGeometry
+    visible: BaseGeometry
+    state: str
+    asked: bool
+    range: float
+    yaw: float | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scene:
+    """The view of one frame, and the labels in it. ignore: the `ignore` polygons together."""
+
+    stamp: int
+    view: View
+    visible: BaseGeometry
+    labels: tuple[PlacedLabel, ...]
+    ignore: BaseGeometry
+
+    @property
+    def asked(self) -> tuple[PlacedLabel, ...]:
+        return tuple(label for label in self.labels if label.asked)
+
+
+def common_domain(configurations: Iterable[Configuration], scoring: Scoring) -> tuple[Domain, str]:
+    """One domain for a whole sweep, and its origin: as given, or the largest box in the grid."""
+    detectors = [configuration.detector for configuration in configurations]
+    largest = Domain(x_min=min(d.x_min for d in detectors), r_max=max(d.r_max for d in detectors))
+    origin = "sensor" if any(d.origin == "sensor" for d in detectors) else "robot"
+    return scoring.domain or largest, origin
+
+
+def view(frame: Frame, box: Domain, origin: str, configuration: Configuration, scoring: Scoring) -> View:
+    """The domain and shadow of a frame. Of the configuration only robot and sensor are used."""
+    plane = robot_plane(configuration.robot.ground_z)
+    lowest = lowest_ray(configuration.sensor, frame)
+    x, y, _ = frame.sensor.translation.tolist()
+    centre = (x, y) if origin == "sensor" else (0.0, 0.0)
+    points = without_body(frame.points, configuration.robot.body)
+    reach = box.r_max + float(np.hypot(x - centre[0], y - centre[1]))
+    return View(
+        plane,
+        domain(box.x_min, box.r_max, centre, plane, frame.sensor, lowest, configuration.sensor.fov),
+        shadow(points, plane, frame.sensor, scoring.obstacle_height, scoring.ceiling, reach),
+        (x, y),
+    )
+
+
+def scene(
+    stamp: int, pose: Transform | None, view: View, labels: Labels, robot_frame: str, scoring: Scoring
+) -> Scene:
+    """The labels that hold at a stamp, placed in its view."""
+    visible = view.visible
+    placed: list[PlacedLabel] = []
+    ignored: list[BaseGeometry] = []
+    for label in labels.labels:
+        if not label.holds_at(stamp):
+            continue
+        whole = place(label, pose, view.plane, robot_frame)
+        if label.kind == "ignore":
+            ignored.append(whole)
+        else:
+            placed.append(
+                _seen_label(label, whole, view, visible, crossing_yaw(label, pose, robot_frame), scoring)
+            )
+    return Scene(stamp, view, visible, tuple(placed), shapely.union_all(ignored))
+
+
+def _seen_label(
+    label: Label,
+    whole: BaseGeometry,
+    view: View,
+    visible: BaseGeometry,
+    yaw: float | None,
+    scoring: Scoring,
+) -> PlacedLabel:
+    seen = areas_only(shapely.intersection(whole, visible))
+    in_domain = shapely.intersection(whole, view.domain)
+    enough = min(scoring.min_visible.share * whole.area, scoring.min_visible.area)
+    asked = seen.area > 0 and seen.area >= enough
+    if asked:
+        state = VISIBLE if seen.area >= WHOLLY * whole.area else PARTLY
+    else:
+        state = SHADOWED if in_domain.area > 0 and in_domain.area >= enough else OUT_OF_VIEW
+    nearest = seen if seen.area > 0 else whole
+    distance = float(shapely.distance(shapely.Point(view.origin), nearest))
+    return PlacedLabel(label, whole, seen, state, asked, distance, yaw)
+
+
+def union_of_labels(scene: Scene) -> BaseGeometry:
+    """All ground that is labelled in any way."""
+    return shapely.union_all([*(label.whole for label in scene.labels), scene.ignore])

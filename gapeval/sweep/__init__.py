@@ -1,0 +1,1 @@
+"""A grid of configurations over all frames of all logs."""

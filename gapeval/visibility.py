@@ -1,0 +1,151 @@
+"""What can be seen: sensory box, field of view, blind zone, line-of-sight shadow.
+
+Detection asks it of cells, scoring of polygons; both mean the same thing.
+"""
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from gapeval.config import BlindBelow, BodyBox, FieldOfView, Sensor
+from gapeval.frame import FloatArray, Frame, Plane, Transform
+
+AZIMUTH_STEP = np.deg2rad(0.5)  # of shadows, and of the outline of what a sensor sees
+ARC_STEPS = 360  # vertices of the half circle that bounds the domain
+
+
+def without_body(points: NDArray[np.float32], body: BodyBox | None) -> NDArray[np.float32]:
+    """The points (N, 3), robot frame [m], that are not of the robot itself."""
+    if body is None:
+        return points
+    low, high = np.array([body.x, body.y, body.z]).T
+    others: NDArray[np.float32] = points[~((points >= low) & (points <= high)).all(axis=1)]
+    return others
+
+
+def lowest_ray(sensor: Sensor, frame: Frame) -> float:
+    """Elevation [rad, sensor frame] below which the sensor sees nothing."""
+    if isinstance(sensor.blind_zone, BlindBelow):
+        return sensor.blind_zone.below
+    return frame.lowest_elevation if sensor.blind_zone == "auto" else -np.pi / 2
+
+
+def in_box(places: FloatArray, x_min: float, origin: tuple[float, float], r_max: float) -> NDArray[np.bool_]:
+    """Whether places (..., 2), robot frame [m], lie in the sensory box of Section 3.1.1."""
+    r = np.hypot(places[..., 0] - origin[0], places[..., 1] - origin[1])
+    return (places[..., 0] >= x_min) & (r < r_max)
+
+
+def looked_at(
+    places: FloatArray, plane: Plane, mount: Transform, lowest: float, fov: FieldOfView | None
+) -> NDArray[np.bool_]:
+    """Whether the sensor would see the plane at places (..., 2), robot frame [m], were nothing in the way."""
+    ground = np.concatenate([places, plane.height(places)[..., None]], axis=-1)
+    ray = mount.apply_inverse(ground)
+    elevation = np.arctan2(ray[..., 2], np.hypot(ray[..., 0], ray[..., 1]))
+    seen: NDArray[np.bool_] = elevation >= lowest
+    if fov is not None:
+        azimuth = np.arctan2(ray[..., 1], ray[..., 0])
+        seen &= (elevation >= fov.elevation[0]) & (elevation <= fov.elevation[1])
+        seen &= (azimuth >= fov.azimuth[0]) & (azimuth <= fov.azimuth[1])
+    return seen
+
+
+def domain(
+    x_min: float,
+    r_max: float,
+    origin: tuple[float, float],
+    plane: Plane,
+    mount: Transform,
+    lowest: float,
+    fov: FieldOfView | None,
+) -> BaseGeometry:
+    """The box as a polygon in the robot frame [m], without what the sensor cannot see."""
+    theta = np.linspace(-np.pi / 2, np.pi / 2, ARC_STEPS + 1)
+    arc = np.column_stack([origin[0] + r_max * np.cos(theta), origin[1] + r_max * np.sin(theta)])
+    box: BaseGeometry = shapely.intersection(shapely.Polygon(arc), shapely.box(x_min, -1e6, 1e6, 1e6))
+    low, high = max(lowest, fov.elevation[0] if fov else -np.inf), fov.elevation[1] if fov else np.pi / 2
+    azimuth = fov.azimuth if fov else (-np.pi, np.pi)
+    if low > -np.pi / 2:
+        box = shapely.difference(box, _ground_cone(plane, mount, (-np.pi, np.pi), low, 10 * r_max))
+    if high < 0 or azimuth[0] > -np.pi or azimuth[1] < np.pi:
+        box = shapely.intersection(box, _ground_cone(plane, mount, azimuth, high, 10 * r_max))
+    return areas_only(box)
+
+
+def shadow(
+    points: NDArray[np.float32], plane: Plane, mount: Transform, lowest: float, highest: float, reach: float
+) -> BaseGeometry:
+    """Ground that the sensor cannot see because something stands before it; robot frame [m].
+
+    In azimuth bins of 0.5 degrees around the sensor: behind a point between `lowest` and `highest` above
+    the plane, up to where the line from the sensor over it meets the plane again; at most to `reach`.
+    """
+    origin = mount.translation
+    sensor_height = float(plane.distance(origin[None, :])[0])
+    p = points.astype(np.float64)
+    height = plane.distance(p)
+    p, height = p[(height > lowest) & (height <= highest)], height[(height > lowest) & (height <= highest)]
+    east, north = p[:, 0] - origin[0], p[:, 1] - origin[1]
+    start = np.hypot(east, north)
+    with np.errstate(divide="ignore"):
+        end = np.where(height < sensor_height, start * sensor_height / (sensor_height - height), np.inf)
+    # Chords stay outside the reach, so that the domain's arc is covered too.
+    end = np.minimum(end, reach / np.cos(AZIMUTH_STEP / 2))
+    near = (start < reach) & (start > 0)
+    bins = np.floor(np.arctan2(north, east) / AZIMUTH_STEP).astype(np.int64)
+    bins, start, end = _merged_intervals(bins[near], start[near], end[near])
+    left, right = bins * AZIMUTH_STEP, (bins + 1) * AZIMUTH_STEP
+    ring = [(start, left), (end, left), (end, right), (start, right)]
+    outline = np.stack([np.column_stack([r * np.cos(a), r * np.sin(a)]) for r, a in ring], axis=1)
+    return areas_only(shapely.union_all(shapely.polygons(outline + origin[:2])))
+
+
+def areas_only(geometry: BaseGeometry) -> BaseGeometry:
+    """A (Multi)Polygon, without the points and lines that set operations leave behind."""
+    parts = shapely.get_parts(geometry)
+    if shapely.get_type_id(geometry) == shapely.GeometryType.GEOMETRYCOLLECTION:
+        parts = shapely.get_parts(parts)
+    parts = parts[shapely.get_dimensions(parts) == 2]
+    return shapely.Polygon(parts[0]) if len(parts) == 1 else shapely.MultiPolygon(list(parts))
+
+
+def _merged_intervals(
+    bins: NDArray[np.int64], start: FloatArray, end: FloatArray
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray]:
+    """The union of intervals [start, end] within each bin."""
+    if len(bins) == 0:
+        return bins, start, end
+    order = np.lexsort((start, bins))
+    bins, start, end = bins[order], start[order], end[order]
+    apart = (bins - bins[0]) * (2 * float(end.max()))  # so that one running maximum serves all bins
+    covered = np.maximum.accumulate(end + apart)
+    first = np.flatnonzero(np.concatenate([[True], (start + apart)[1:] > covered[:-1]]))
+    return bins[first], start[first], np.maximum.reduceat(end, first)
+
+
+def _ground_cone(
+    plane: Plane, mount: Transform, azimuth: tuple[float, float], elevation: float, far: float
+) -> BaseGeometry:
+    """The ground that rays of this or a lower elevation meet, as a polygon around the sensor's foot."""
+    steps = max(2, int(np.ceil((azimuth[1] - azimuth[0]) / AZIMUTH_STEP)) + 1)
+    theta = np.linspace(*azimuth, steps)
+    ray = np.column_stack(
+        [
+            np.cos(elevation) * np.cos(theta),
+            np.cos(elevation) * np.sin(theta),
+            np.full(steps, np.sin(elevation)),
+        ]
+    )
+    direction = ray @ mount.matrix.T
+    fall = -(direction @ np.array([plane.a, plane.b, plane.c]))
+    sensor_height = float(plane.distance(mount.translation[None, :])[0])
+    horizontal = np.hypot(direction[:, 0], direction[:, 1])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.where(fall > 0, sensor_height / fall, np.inf)
+        distance = np.minimum(distance, far / horizontal)
+    rim = mount.translation[:2] + direction[:, :2] * distance[:, None]
+    if azimuth[1] - azimuth[0] < 2 * np.pi - 1e-9:
+        rim = np.vstack([rim, mount.translation[:2]])
+    return shapely.make_valid(shapely.Polygon(rim))
