@@ -219,8 +219,7 @@ def reasons_against(
         "own_gap": own,
     }
     if rules.rules == "all":  # what the paper leaves out
-        clipped = [_is_clipped(surface, gaps, axes, index, robot) for index in short.tolist()]
-        applies["clipped"] = np.array(clipped, dtype=np.bool_)
+        applies["clipped"] = _clipped(surface, gaps, axes, robot)[short]
         applies["unobserved"] = _observed_share(surface, ends, robot).min(axis=1) < rules.min_observed
     for place, index in enumerate(short.tolist()):
         reasons[index] = next((name for name, hit in applies.items() if hit[place]), "")
@@ -250,29 +249,32 @@ def _obstacles_near(surface: Surface, ends: FloatArray, clearance: float) -> NDA
     return cell_polygons(grid, mask)
 
 
-def _is_clipped(surface: Surface, gaps: Gaps, axes: Axes, index: int, robot: Robot) -> bool:
-    """Whether the gap borders on the unknown within the robot's width of the way over it.
+def _clipped(surface: Surface, gaps: Gaps, axes: Axes, robot: Robot) -> NDArray[np.bool_]:
+    """Whether each gap borders on the unknown within the robot's width of the way over it, (N_g,).
 
-    Its length is then only a lower bound: the gap may go on in the shadow, the blind zone or outside the box.
+    Its length is then only a lower bound: it may go on in a shadow, in the blind zone or outside the box.
     """
-    e, centre = axes.e_opt[index], axes.centre[index]
-    offset = (_borders_on_unknown(surface, gaps, index) - centre) @ np.array([-e[1], e[0]])
-    nearest = np.where(np.sign(offset).prod(axis=1) <= 0, 0.0, np.abs(offset).min(axis=1))
-    return bool((nearest <= robot.width / 2).any())
+    border, owner = _borders_on_unknown(surface, gaps)
+    sideways = np.stack([-axes.e_opt[:, 1], axes.e_opt[:, 0]], axis=1)[owner]
+    offset = ((border - axes.centre[owner][:, None]) * sideways[:, None]).sum(axis=2)
+    astride = (offset[:, 0] < 0) != (offset[:, 1] < 0)
+    on_the_way = astride | (np.abs(offset).min(axis=1) <= robot.width / 2)
+    clipped = np.zeros(len(gaps), dtype=np.bool_)
+    clipped[owner[on_the_way]] = True
+    return clipped
 
 
-def _borders_on_unknown(surface: Surface, gaps: Gaps, index: int) -> FloatArray:
-    """The cell edges (M, 2 ends, 2) between a gap and cells of which nothing is known."""
+def _borders_on_unknown(surface: Surface, gaps: Gaps) -> tuple[FloatArray, NDArray[np.int32]]:
+    """Cell edges (M, 2 ends, 2) between gaps and cells of which nothing is known, and whose they are (M,)."""
     places = corners(surface.grid)
-    mine = np.pad(gaps.labels == index + 1, 1)
+    label = np.pad(gaps.labels, 1)
     unknown = np.pad(surface.unknown, 1, constant_values=True)
-    across_rows = (mine[:-1] & unknown[1:]) | (unknown[:-1] & mine[1:])
-    row, column = np.nonzero(across_rows[:, 1:-1])
+    arc = (label[:-1] * unknown[1:] + unknown[:-1] * label[1:])[:, 1:-1]  # between rows
+    ray = (label[:, :-1] * unknown[:, 1:] + unknown[:, :-1] * label[:, 1:])[1:-1]  # between columns
+    (row, column), (row_, column_) = np.nonzero(arc), np.nonzero(ray)
     arcs = np.stack([places[row, column], places[row, column + 1]], axis=1)
-    across_columns = (mine[:, :-1] & unknown[:, 1:]) | (unknown[:, :-1] & mine[:, 1:])
-    row, column = np.nonzero(across_columns[1:-1, :])
-    rays = np.stack([places[row, column], places[row + 1, column]], axis=1)
-    return np.concatenate([arcs, rays])
+    rays = np.stack([places[row_, column_], places[row_ + 1, column_]], axis=1)
+    return np.concatenate([arcs, rays]), np.concatenate([arc[row, column], ray[row_, column_]]) - 1
 
 
 def _observed_share(surface: Surface, ends: FloatArray, robot: Robot) -> FloatArray:

@@ -63,9 +63,9 @@ def layouts(draw):
             )
             values = values.astype(dtype)
         values[rng.random(len(points)) < 0.3] = 0
-        for i, value in enumerate(values):
+        for i in range(len(values)):
             at = i // width * row + i % width * step + offsets[name]
-            data[at : at + dtype.itemsize] = np.frombuffer(value.tobytes(), np.uint8)
+            data[at : at + dtype.itemsize] = np.frombuffer(values[i : i + 1].tobytes(), np.uint8)
         points[:, column] = values
     trailing = draw(st.integers(0, 3))
     decoded = message(

@@ -1,6 +1,7 @@
 """The polar grid of Eqs. (2)-(5): which cell a point falls in, and where a cell lies on the ground."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -9,6 +10,8 @@ from numpy.typing import NDArray
 from gapeval.frame import FloatArray
 
 IndexArray = NDArray[np.intp]
+
+CACHED_GRIDS = 64  # most sweeps have fewer resolutions than that
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +78,15 @@ def column_edges(grid: PolarGrid) -> FloatArray:
     return np.linspace(-np.pi / 2, np.pi / 2, grid.width + 1)
 
 
+@lru_cache(maxsize=CACHED_GRIDS)
 def corners(grid: PolarGrid) -> FloatArray:
-    """Corners of the cells in the box, robot frame [m], (height, width + 1, 2)."""
+    """Corners of the cells in the box, robot frame [m], (height, width + 1, 2); read only."""
     return _places(grid, row_edges(grid, grid.rows), column_edges(grid))
 
 
+@lru_cache(maxsize=CACHED_GRIDS)
 def midpoints(grid: PolarGrid) -> FloatArray:
-    """Midpoints in r and theta of the cells in the box, robot frame [m], (height - 1, width, 2)."""
+    """Midpoints (in r and theta) of the box's cells, robot frame [m], (height - 1, width, 2), read only."""
     r, theta = row_edges(grid, grid.rows), column_edges(grid)
     return _places(grid, (r[:-1] + r[1:]) / 2, (theta[:-1] + theta[1:]) / 2)
 
@@ -102,4 +107,5 @@ def cell_polygons(grid: PolarGrid, mask: NDArray[np.bool_]) -> NDArray[np.object
 def _places(grid: PolarGrid, r: FloatArray, theta: FloatArray) -> FloatArray:
     direction = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
     places: FloatArray = np.asarray(grid.origin) + r[:, None, None] * direction[None, :, :]
+    places.flags.writeable = False  # it is shared
     return places

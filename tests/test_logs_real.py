@@ -1,0 +1,83 @@
+"""The real recordings, where GAPEVAL_DATA says where they are."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gapeval.config import LogSection
+from gapeval.errors import LogError
+from gapeval.logs.read import describe, frame_digest, read_frames, read_recording
+from gapeval.logs.read.cloud import cloud_points
+from gapeval.logs.read.container import Topic
+from gapeval.logs.read.message import POINT_CLOUD, decode
+
+pytestmark = pytest.mark.skipif(
+    "GAPEVAL_DATA" not in os.environ, reason="GAPEVAL_DATA does not name the folder of real logs"
+)
+DATA = Path(os.environ.get("GAPEVAL_DATA", ""))
+
+
+def test_the_mcap_and_the_bag_of_one_drive_are_the_same_log():
+    digests = {}
+    for suffix in ("mcap", "bag"):
+        recording = read_recording(DATA / f"os1_street/os1_street.{suffix}", LogSection())
+        assert (recording.matched, recording.total, recording.refused) == (3, 3, {})
+        assert (recording.robot_frame, recording.fixed_frame) == ("base_link", "map")
+        assert recording.sensor_frame == "os_sensor"
+        frames = list(read_frames(recording, 0, 3))
+        assert [len(frame.points) for frame in frames] == [107_647, 107_357, 107_532]
+        # An OS1-128 sees down to 22.5 degrees below its equator.
+        assert -22.6 < np.degrees(recording.lowest_elevation) < -20
+        np.testing.assert_allclose(frames[0].sensor.translation, [1.1, 0.05, 1.93], atol=1e-3)
+        assert np.abs(frames[0].pose.translation).max() < 1e-9
+        digests[suffix] = [frame_digest(frame) for frame in frames]
+    assert digests["mcap"] == digests["bag"]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        (
+            "laserscan_tf",
+            "no clouds: gapeval reads sensor_msgs/PointCloud2, "
+            "and the log has sensor_msgs/LaserScan on /zed/scan_merged (133)",
+        ),
+        (
+            "two_laserscans_no_tf",
+            "no clouds: gapeval reads sensor_msgs/PointCloud2, and the log has "
+            "sensor_msgs/LaserScan on /front_scan (331), sensor_msgs/LaserScan on /rear_scan (330)",
+        ),
+        (
+            "ouster_packets_no_cloud",
+            "no clouds: gapeval reads sensor_msgs/PointCloud2, and the log has "
+            "ouster_ros/PacketMsg on /os_node0/imu_packets (10), "
+            "ouster_ros/PacketMsg on /os_node0/lidar_packets (32)",
+        ),
+        (
+            "damaged_index",
+            "damaged ROS 1 bag (AssertionError); `rosbag reindex damaged_index.bag` may mend it",
+        ),
+    ],
+)
+def test_logs_that_cannot_be_used_say_so_in_one_line(name, expected):
+    path = DATA / f"logs/{name}.bag"
+    with pytest.raises(LogError) as caught:
+        read_recording(path, LogSection())
+    assert str(caught.value) == f"{path}: {expected}"
+
+
+def test_tf_of_a_log_without_clouds_is_described():
+    edges = describe(DATA / "logs/laserscan_tf.bag", LogSection()).transforms
+    found = {f"{edge.parent}<-{edge.child}": edge.count for edge in edges}
+    assert found["odom<-base_link"] > 100
+    assert found["base_link<-laser_front"] > 1000
+
+
+def test_a_cloud_of_26_byte_points():
+    raw = (DATA / "clouds/pointcloud2_cdr_26byte_step.bin").read_bytes()
+    points = cloud_points(decode(Topic("/points", POINT_CLOUD, 1, "cdr"), raw))
+    assert len(points.xyz) + points.not_finite + points.zero == 64_000
+    assert len(points.xyz) > 30_000
+    assert 5 < np.linalg.norm(points.xyz, axis=1).max() < 300
