@@ -22,37 +22,60 @@ Interval = tuple[Finite, Finite]
 
 
 class Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="strings")
+    """Docstrings of fields are their descriptions; docs/configuration.md is made from them."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, ser_json_inf_nan="strings", use_attribute_docstrings=True
+    )
 
 
 class Patch(Section):
     """The fixed area in front of the robot of Section 3.1.1, for `plane: patch`."""
 
-    depth: Positive = 1.0  # m, from x_min forwards
-    width: Positive = 1.0  # m, centred on the robot
-    max_tilt: Annotated[float, Field(gt=0, lt=math.pi / 2)] = 0.26  # rad, against the robot's xy plane
-    max_offset: Positive = 0.3  # m, against ground_z at the middle of the patch
+    depth: Positive = 1.0
+    """m, from x_min forwards"""
+    width: Positive = 1.0
+    """m, centred on the robot"""
+    max_tilt: Annotated[float, Field(gt=0, lt=math.pi / 2)] = 0.26
+    """rad, against the robot's xy plane"""
+    max_offset: Positive = 0.3
+    """m, against ground_z, at the middle of the patch"""
     min_points: Annotated[int, Field(ge=3)] = 50
+    """points that the patch must have"""
 
 
 class Detector(Section):
     """Section 3.1 and Table II."""
 
-    k: Annotated[int, Field(ge=1, le=12)] = 6  # i_height = i_width = 2**k + 1, where those are not given
+    k: Annotated[int, Field(ge=1, le=12)] = 6
+    """resolution: i_height = i_width = 2**k + 1, where those are not given"""
     i_height: Annotated[int, Field(ge=2, le=4097)] | None = None
+    """resolution in r, instead of k"""
     i_width: Annotated[int, Field(ge=1, le=4097)] | None = None
+    """resolution in theta, instead of k"""
     delta_r: Annotated[float, Field(gt=1, le=1000)] = 1.1
+    """growth of the intervals in r from row to row"""
     n_o: Annotated[int, Field(ge=0, le=50)] = 1
-    pl_th: Positive = 0.1  # m
-    x_min: NotNegative = 0.6  # m, robot frame
-    r_max: Positive = 3.0  # m, from the origin of the grid; the paper's R
-    z_min: Annotated[float, Field(gt=0)] = math.inf  # m below the robot frame's origin
-    z_max: Positive = 2.0  # m above the robot frame's origin
+    """number of erosions, and of dilations"""
+    pl_th: Positive = 0.1
+    """m, plane threshold: ground is at most this far from the plane"""
+    x_min: NotNegative = 0.6
+    """m, where the sensory box begins, in the robot frame"""
+    r_max: Positive = 3.0
+    """m, where the box ends, from the origin of the grid; the paper's R"""
+    z_min: Annotated[float, Field(gt=0)] = math.inf
+    """m, points lower than this below the robot frame's origin are dropped"""
+    z_max: Positive = 2.0
+    """m, points higher than this above the robot frame's origin are dropped"""
     origin: Literal["sensor", "robot"] = "sensor"
+    """where the polar grid is centred"""
     plane: Literal["robot", "patch"] = "robot"
+    """supporting plane: z = robot.ground_z, or fitted to a patch in front of the robot"""
     patch: Patch = Patch()
     edge: Literal["data", "zero"] = "data"
+    """what lies beyond the box when the image is opened: what the cloud says, or no gap"""
     kernel: Literal["rect", "cross"] = "rect"
+    """3 x 3 element of the erosions and dilations"""
 
     @property
     def height(self) -> int:
@@ -72,41 +95,61 @@ class Detector(Section):
 
 
 class CrossingRules(Section):
-    """Section 3.2: when may the robot cross, and from where to where."""
+    """Section 3.2: when may the robot cross, and from where to where?"""
 
-    d_r: Positive | None = None  # m; default: half the robot's length
-    standoff: NotNegative | None = None  # m before and behind the gap; default: half the robot's length
-    eta: Positive | None = None  # m; the paper's START, END = centre -+ eta e instead of the standoff
-    clearance: NotNegative | None = None  # m around START and END; default: half the robot's width
+    d_r: Positive | None = None
+    """m, longest gap that can be crossed; default: half the robot's length"""
+    standoff: NotNegative | None = None
+    """m, START and END lie this far before and behind the gap; default: half the robot's length"""
+    eta: Positive | None = None
+    """m, the paper's START, END = centre -+ eta e, instead of the standoff"""
+    clearance: NotNegative | None = None
+    """m, to be kept free around START and END; default: half the robot's width"""
     uniform: Literal["area", "kdtree"] = "area"
+    """how the interior gets a uniform density: exact area moments, or the paper's tree"""
     rules: Literal["all", "paper"] = "all"
-    min_observed: Share = 0.5  # share of a pose's footprint that must lie on observed ground
+    """whether the reasons `clipped` and `unobserved`, which are ours, apply too"""
+    min_observed: Share = 0.5
+    """share of the footprint at START and END that must lie on observed ground"""
 
 
 class BodyBox(Section):
-    """The robot's own body in its own frame [m]; points in it are dropped."""
+    """The robot's own body in its own frame; points in it are dropped."""
 
     x: Interval
+    """m, [low, high]"""
     y: Interval
+    """m, [low, high]"""
     z: Interval
+    """m, [low, high]"""
 
 
 class Robot(Section):
-    length: Positive = 0.68  # m
-    width: Positive = 0.5  # m
-    ground_z: Finite = 0.0  # m, height of the ground in the robot frame
+    """The robot."""
+
+    length: Positive = 0.68
+    """m"""
+    width: Positive = 0.5
+    """m"""
+    ground_z: Finite = 0.0
+    """m, height of the ground in the robot frame"""
     body: BodyBox | None = None
 
 
 class BlindBelow(Section):
-    below: Annotated[float, Field(ge=-math.pi / 2, le=math.pi / 2)]  # rad, elevation in the sensor frame
+    """A blind zone of one's own."""
+
+    below: Annotated[float, Field(ge=-math.pi / 2, le=math.pi / 2)]
+    """rad, lowest elevation that the sensor sees, in the sensor frame"""
 
 
 class FieldOfView(Section):
-    """What the sensor can see [rad], in the sensor frame."""
+    """What the sensor can see, in the sensor frame."""
 
     azimuth: Interval = (-math.pi, math.pi)
+    """rad, [low, high]"""
     elevation: Interval = (-math.pi / 2, math.pi / 2)
+    """rad, [low, high]"""
 
     @model_validator(mode="after")
     def intervals_are_ordered(self) -> Self:
@@ -120,7 +163,10 @@ class FieldOfView(Section):
 
 
 class Sensor(Section):
+    """The sensor."""
+
     blind_zone: Literal["auto", "none"] | BlindBelow = "auto"
+    """ground below the lowest ray is no gap: auto (measured in the log), none, or {below: rad}"""
     fov: FieldOfView | None = None
 
 
@@ -128,47 +174,74 @@ class StaticTransform(Section):
     """A transform parent<-child that the log lacks."""
 
     parent: str
+    """frame"""
     child: str
+    """frame"""
     translation: Vector = (0.0, 0.0, 0.0)
+    """m, [x, y, z]"""
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    """quaternion, [x, y, z, w]"""
 
 
 class LogSection(Section):
+    """How a log is read."""
+
     cloud_topic: str | None = None
+    """topic of the clouds; default: the only one"""
     pose_topic: str | None = None
+    """odometry or pose topic to use instead of tf"""
     robot_frame: str | None = None
+    """frame of the robot; default: base_link"""
     fixed_frame: str | None = None
-    sensor_frame: str | None = None  # where the laser is; default: the frame of the clouds
+    """frame that stands still; default: map, odom or world"""
+    sensor_frame: str | None = None
+    """frame of the laser; default: that of the clouds"""
     transforms: tuple[StaticTransform, ...] = ()
-    max_tf_gap: Positive = 0.5  # s between the two transforms that are interpolated
+    """static transforms that the log lacks"""
+    max_tf_gap: Positive = 0.5
+    """s, longest time between two transforms that are interpolated"""
     stamps: Literal["header", "bag"] = "header"
-    min_matched: Share = 0.5  # share of the clouds that must have all their transforms
-    # rad per log; measured where absent, and then written to the effective configuration
+    """a cloud's time: its header's stamp, or when it was recorded"""
+    min_matched: Share = 0.5
+    """share of the clouds that must have all their transforms"""
     lowest_elevation: dict[str, float] = {}
+    """rad, the sensor's lowest ray by file name; measured where absent, and written to config.yaml"""
 
 
 class Domain(Section):
-    """Where detections are compared with labels: the box of Section 3.1.1 [m]."""
+    """Where detections are compared with labels: the box of Section 3.1.1."""
 
     x_min: NotNegative
+    """m, in the robot frame"""
     r_max: Positive
+    """m, from the origin of the grid"""
 
 
 class MinVisible(Section):
-    """A label is asked for when this share of it, or this area, is visible (whichever is less)."""
+    """A label is asked for when this share of it, or this area, is visible, whichever is less."""
 
     share: Share = 0.5
-    area: NotNegative = 0.5  # m2
+    """of the label's area"""
+    area: NotNegative = 0.5
+    """m2"""
 
 
 class Scoring(Section):
-    domain: Domain | None = None  # default: the largest box in the grid
+    """How gaps are compared with labels; see docs/scoring.md."""
+
+    domain: Domain | None = None
+    """where detections count; default: the largest box in the grid"""
     iou: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """least intersection over union of a matched pair"""
     hit_coverage: Annotated[float, Field(gt=0, le=1)] = 0.5
+    """share of a visible label that must be covered for a hit"""
     belongs: Annotated[float, Field(gt=0, le=1)] = 0.1
+    """share of the smaller area that a gap and its label have in common"""
     min_visible: MinVisible = MinVisible()
-    obstacle_height: Positive = 0.2  # m above the plane; what is higher throws a shadow
-    ceiling: Positive = 2.0  # m above the plane; what is higher lets the robot, and the ray, pass under it
+    obstacle_height: Positive = 0.2
+    """m above the plane; what is higher throws a shadow"""
+    ceiling: Positive = 2.0
+    """m above the plane; what is higher throws none"""
 
 
 class Configuration(Section):
@@ -198,6 +271,7 @@ class Config(Section):
     """A configuration file: one value of everything, and a grid over any detector or crossing parameter."""
 
     grid: dict[str, list[Any]] = {}
+    """parameter: [values]; every combination is evaluated"""
     detector: Detector = Detector()
     crossing: CrossingRules = CrossingRules()
     robot: Robot = Robot()

@@ -152,10 +152,10 @@ def read_detections(path: Path) -> Detections:
 
 
 def _frame_json(frame: DetectedFrame) -> dict[str, Any]:
-    pose = frame.pose and {
-        "translation": frame.pose.translation.tolist(),
-        "rotation": frame.pose.quaternion.tolist(),
-    }
+    pose = None
+    if frame.pose is not None:
+        translation, rotation = frame.pose.translation.tolist(), frame.pose.quaternion.tolist()
+        pose = {"translation": translation, "rotation": rotation}
     plane = [frame.plane.a, frame.plane.b, frame.plane.c, frame.plane.d]
     return {
         "stamp": str(frame.stamp),
@@ -163,8 +163,8 @@ def _frame_json(frame: DetectedFrame) -> dict[str, Any]:
         "plane": plane,
         "sensor": list(frame.origin),
         "plane_fallback": frame.fallback,
-        "domain": frame.domain and geometry_json(frame.domain),
-        "shadow": frame.shadow and geometry_json(frame.shadow),
+        "domain": None if frame.domain is None else geometry_json(frame.domain),
+        "shadow": None if frame.shadow is None else geometry_json(frame.shadow),
     }
 
 

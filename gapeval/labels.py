@@ -255,11 +255,16 @@ def _parts(geometry: Any) -> tuple[Rings, ...]:
     if not isinstance(polygons, list) or not polygons:
         raise _FeatureError("no coordinates")
     parts = tuple(tuple(_ring(ring) for ring in _listed(polygon)) for polygon in polygons)
-    shapes = [shapely.Polygon(rings[0][:, :2], [hole[:, :2] for hole in rings[1:]]) for rings in parts]
-    shape = shapes[0] if len(shapes) == 1 else shapely.MultiPolygon(shapes)
+    shape = _shape(parts)
     if not shape.is_valid:
         raise _FeatureError(f"not a valid polygon: {shapely.is_valid_reason(shape)}")
     return parts
+
+
+def _shape(parts: tuple[Rings, ...]) -> BaseGeometry:
+    """The polygons as drawn, in the xy of their frame."""
+    polygons = [shapely.Polygon(rings[0][:, :2], [hole[:, :2] for hole in rings[1:]]) for rings in parts]
+    return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
 
 
 def _listed(polygon: Any) -> list[Any]:
@@ -292,12 +297,8 @@ def _ring(positions: Any) -> FloatArray:
 def _overlaps(labels: Iterable[Label]) -> list[Problem]:
     """Pairs of gap labels that share ground at the same time: who found which could not be told."""
     gaps = [label for label in labels if label.kind == "gap"]
-    shapes = [
-        shapely.union_all(
-            [shapely.Polygon(rings[0][:, :2], [h[:, :2] for h in rings[1:]]) for rings in gap.parts]
-        )
-        for gap in gaps
-    ]
+    outlines = [_shape(gap.parts) for gap in gaps]
+    shapes = np.array(outlines, dtype=object)
     problems = []
     for one, other in zip(*shapely.STRtree(shapes).query(shapes, predicate="intersects"), strict=True):
         first, second = gaps[one], gaps[other]
@@ -306,7 +307,7 @@ def _overlaps(labels: Iterable[Label]) -> list[Problem]:
         apart = (first.end is not None and second.start is not None and first.end < second.start) or (
             second.end is not None and first.start is not None and second.end < first.start
         )
-        shared = shapely.intersection(shapes[one], shapes[other]).area
+        shared = shapely.intersection(outlines[one], outlines[other]).area
         if shared > OVERLAP and not apart:
             problems.append(
                 Problem(

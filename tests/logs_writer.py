@@ -349,3 +349,38 @@ def _joined(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
         "message_count": first["message_count"] + second["message_count"],
         "topics_with_message_count": list(topics.values()),
     }
+
+
+# The drive of most tests: along x, 0.1 m and 0.1 s from scan to scan.
+
+START = 1_700_000_000_000_000_000
+STEP = 100_000_000
+HERE = (0, 0, 0, 1)
+POINTS = np.random.default_rng(2).normal(size=(50, 3)) * 4 + [0, 0, 6]
+
+
+def stamps(count, first=0):
+    return [START + (first + i) * STEP for i in range(count)]
+
+
+def lidar(parent="base_link", child="lidar", height=1.0):
+    return static_record(START, [(parent, child, (0, 0, height), HERE)])
+
+
+def driving(parent="map", child="base_link", count=12, first=-1):
+    return [
+        tf_record(stamp, [(parent, child, (i / 10, 0, 0), HERE)])
+        for i, stamp in enumerate(stamps(count, first))
+    ]
+
+
+def clouds(count=10, frame="lidar", topic="/points", first=0):
+    return [cloud_record(stamp, POINTS, frame, topic) for stamp in stamps(count, first)]
+
+
+def write_sorted(path: Path, *records: Any, container: str = "mcap") -> Path:
+    """Records and lists of records in the order of their times."""
+    every: list[Record] = []
+    for record in records:
+        every += record if isinstance(record, list) else [record]
+    return write_records(path, sorted(every, key=lambda record: record.time), container)

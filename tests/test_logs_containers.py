@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from backports import zstd
 from logs_writer import (
     CONTAINERS,
     ROS1,
@@ -265,6 +266,24 @@ def test_messages_in_a_write_ahead_log_are_not_lost_silently(tmp_path, clouds, p
     assert digests(tmp_path / "copy-log.db3") == expected
 
 
+def test_a_damaged_part_is_named_by_its_own_name(tmp_path, clouds, poses):
+    folder = write_log(tmp_path / "log", clouds=clouds, poses=poses, container="db3")
+    data = folder.read_bytes()
+    packed = tmp_path / "part.db3.zstd"
+    packed.write_bytes(zstd.compress(data[:4096] + bytes(4096) + data[8192:]))
+    assert one_line(packed).startswith("LOG: damaged rosbag2 sqlite3 (")
+    packed.write_bytes(zstd.compress(zstd.compress(data)))
+    assert one_line(packed) == "LOG: compressed more than once; unpack it with `zstd -d`"
+
+
+def test_a_db3_file_from_before_definitions_were_stored(tmp_path, clouds, poses, expected):
+    path = write_log(tmp_path / "log.db3", clouds=clouds, poses=poses, container="db3")
+    connection = sqlite3.connect(path)
+    connection.executescript("DROP TABLE message_definitions; UPDATE schema SET schema_version = 3")
+    connection.close()
+    assert digests(path) == expected
+
+
 def test_a_folder_whose_metadata_is_wrong(tmp_path, clouds, poses, expected):
     path = write_log(tmp_path / "log", clouds=clouds, poses=poses, container="sqlite3")
     metadata = path / "metadata.yaml"
@@ -294,9 +313,11 @@ def test_fewer_messages_than_the_statistics_say(tmp_path, clouds, poses):
     assert recording.notices == (expected,)
 
 
-@pytest.mark.parametrize(
-    "definition", ["", "nonsense $$$", "uint32 height\n", "Missing thing\nuint8[] data\n"]
-)
+POINT_CLOUD = ROS2.generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=2)[0]
+WRONG = ("", "nonsense $$$", "uint32 height\n", "Missing thing\nuint8[] data\n")
+
+
+@pytest.mark.parametrize("definition", [*WRONG, POINT_CLOUD.replace("uint32 offset", "uint8 o")])
 def test_definitions_that_cannot_be_used_give_way_to_the_stock_ones(
     tmp_path, clouds, poses, expected, definition
 ):

@@ -57,7 +57,8 @@ def test_the_mcap_and_the_bag_of_one_drive_are_the_same_log():
         ),
         (
             "damaged_index",
-            "damaged ROS 1 bag (AssertionError); `rosbag reindex damaged_index.bag` may mend it",
+            "damaged ROS 1 bag (its parts contradict each other); "
+            "`rosbag reindex damaged_index.bag` may mend it",
         ),
     ],
 )

@@ -190,7 +190,7 @@ def test_quaternions_need_not_be_of_unit_length():
     np.testing.assert_allclose(found.transforms.quaternion, [TURN], rtol=1e-15)
 
 
-@pytest.mark.parametrize("bad", [(0, 0, 0, 0), (math.nan, 0, 0, 1), (math.inf, 0, 0, 1)])
+@pytest.mark.parametrize("bad", [(0, 0, 0, 0), (math.nan, 0, 0, 1), (math.inf, 0, 0, 1), (1e200, 0, 0, 1)])
 def test_a_quaternion_without_direction_is_named(bad):
     samples = [(0, (0, 0, 0), HERE), (7, (0, 0, 0), bad)]
     tree = TransformTree((moving("odom", "base", samples), fixed("base", "lidar")))

@@ -20,7 +20,7 @@ def detect(log: Path, output: Path, **options: str) -> None:
     Example:
       gapeval detect drive.mcap -o detections.geojson --config configs/paper.yaml -p delta_r=1.05
     """
-    from gapeval.cli.reading import open_logs, progress_bar, say, say_refused
+    from gapeval.cli.reading import open_logs, progress_bar, say, say_newly_refused
     from gapeval.results.files import make_folder
     from gapeval.results.to_detections import detect_log
     from gapeval.sweep.grid import the_one
@@ -31,5 +31,5 @@ def detect(log: Path, output: Path, **options: str) -> None:
     (recording,) = open_logs([log], config.log)
     with progress_bar("detect", len(recording.scans), "frames") as bar:
         done = detect_log(config, recording, output, bar.update)
-    say_refused(log, {reason: n for reason, n in done.refused.items() if n != recording.refused.get(reason)})
+    say_newly_refused(recording, done.refused)
     say(f"{output}: {done.gaps} gaps in {done.frames} frames, configuration {done.configuration}")

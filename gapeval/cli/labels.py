@@ -61,8 +61,18 @@ def check(labels: Path, log: Path | None, **options: str) -> None:
     metavar="M",
     help="Leave out points that are farther from the robot.",
 )
+@click.option("--labels", type=PATH, metavar="FILE", help="Draw these labels, violet.")
+@click.option("--detections", type=PATH, metavar="FILE", help="Draw these gaps of all frames, blue.")
 @log_options
-def image(log: Path, output: Path, resolution: float, reach: float, **options: str) -> None:
+def image(
+    log: Path,
+    output: Path,
+    resolution: float,
+    reach: float,
+    labels: Path | None,
+    detections: Path | None,
+    **options: str,
+) -> None:
     """Draw a log from above, in its fixed frame, to draw labels on in QGIS.
 
     Writes LOG.png with a world file (LOG.pgw) and a sidecar (LOG.json: resolution, origin, frame). Colour is
@@ -72,15 +82,25 @@ def image(log: Path, output: Path, resolution: float, reach: float, **options: s
     \b
     Example:
       gapeval labels image drive.mcap -o labelling/
+      gapeval labels image drive.mcap -o labelling/ --labels gaps.geojson --detections detections.geojson
     """
     from gapeval.cli.reading import open_logs, progress_bar, say
-    from gapeval.report.birdseye import draw_log
+    from gapeval.detections import read_detections
+    from gapeval.labels import read_labels
+    from gapeval.report import birdseye
     from gapeval.results.files import make_folder
 
     config = configuration(**options)  # type: ignore[arg-type]
+    drawn = read_labels(labels) if labels else None
+    found = read_detections(detections) if detections else None
     make_folder(output)
     (recording,) = open_logs([log], config.log)
     with progress_bar("draw", len(recording.scans), "frames") as bar:
-        picture = draw_log(recording, config.robot, resolution, reach, bar.update)
+        picture = birdseye.draw_log(recording, config.robot, resolution, reach, bar.update)
+    if found:
+        birdseye.draw_outlines(picture, birdseye.gap_outlines(found), birdseye.GAP_COLOUR)
+    if drawn:
+        outlines = birdseye.label_outlines(drawn, picture.frame_id)
+        birdseye.draw_outlines(picture, outlines, birdseye.LABEL_COLOUR)
     for path in picture.write(output, log.name):
         say(f"wrote {path}")

@@ -1,5 +1,6 @@
 """Open the logs of a command: progress while they are surveyed, one line on what was picked in each."""
 
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -34,7 +35,13 @@ def open_logs(paths: Sequence[Path], settings: "LogSection") -> list["Recording"
             f"{path}: {recording.matched} of {recording.total} clouds of {recording.cloud_topic}, "
             f"robot {recording.robot_frame}{frame}"
         )
-        say_refused(path, recording.refused)
+        say_more(
+            f"{path}: {recording.container}, sensor {recording.sensor_frame}, "
+            f"lowest ray {math.degrees(recording.lowest_elevation):.2f} deg"
+        )
+        for reason, count in recording.refused.items():
+            stamps = ", ".join(str(stamp) for stamp in recording.examples.get(reason, ()))
+            say(f"{path}: refused {count}: {reason}" + (f" (stamps {stamps})" if stamps else ""))
         for notice in recording.notices:
             say(f"{path}: {notice}")
     return recordings
@@ -45,9 +52,17 @@ def say(line: str) -> None:
     click.echo(line, err=True)
 
 
-def say_refused(path: Path, refused: Mapping[str, int]) -> None:
+def say_more(text: str) -> None:
+    """Only with --verbose."""
+    if click.get_current_context().find_root().obj["verbose"]:
+        say(text)
+
+
+def say_newly_refused(recording: "Recording", refused: Mapping[str, int]) -> None:
+    """What was refused since the recording was opened."""
     for reason, count in refused.items():
-        say(f"{path}: refused {count}: {reason}")
+        if new := count - recording.refused.get(reason, 0):
+            say(f"{recording.path}: refused {new}: {reason}")
 
 
 @contextmanager

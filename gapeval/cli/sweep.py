@@ -41,9 +41,9 @@ def sweep(
       gapeval sweep a.mcap b.bag --labels gaps.geojson --config configs/paper.yaml -o results/
       gapeval sweep drive.mcap --labels gaps.geojson -p k=5,6,7 -p delta_r=1.05,1.1,2 --jobs 4
     """
-    from gapeval.cli.reading import open_logs, progress_bar, say_refused
+    from gapeval.cli.reading import open_logs, progress_bar, say_more, say_newly_refused
     from gapeval.labels import read_labels
-    from gapeval.report.text import best_table
+    from gapeval.report.text import best_table, timing_table
     from gapeval.results.files import make_folder
     from gapeval.results.from_sweep import log_names, plan, write_sweep
     from gapeval.sweep.grid import configurations
@@ -57,13 +57,14 @@ def sweep(
     with progress_bar(f"sweep {count} configurations", planned.frames, "frames") as bar:
         done = write_sweep(planned, output, jobs or os.cpu_count() or 1, bar.update)
         seconds = bar.format_dict["elapsed"]
-    for log, recording, entry in zip(logs, planned.task.recordings, done.logs, strict=True):
-        say_refused(log, {k: n for k, n in entry["refused"].items() if n != recording.refused.get(k)})
+    for recording, entry in zip(planned.task.recordings, done.logs, strict=True):
+        say_newly_refused(recording, entry["refused"])
+    say_more(timing_table(done.store))
     refused = sum(sum(entry["refused"].values()) for entry in done.logs)
-    click.echo(f"Best of {count} configurations, chosen on these data:\n\n{best_table(done.store)}\n")
+    click.echo(f"{best_table(done.store)}\n")
     click.echo(
         f"evaluated  {count} configurations on {done.frames} frames of {len(logs)} logs in {seconds:.1f} s "
         f"({count * done.frames / max(seconds, 1e-9):.0f}/s)\n"
         f"refused    {refused} of {sum(entry['clouds'] for entry in done.logs)} clouds\n"
-        f"files      {', '.join(str(output / name) for name in done.store.names)}"
+        f"files      in {output}: {', '.join(done.store.names)}"
     )

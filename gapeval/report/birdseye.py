@@ -1,17 +1,22 @@
 """A log from above: the picture on which labels are drawn."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from gapeval.config import Robot
+from gapeval.detections import Detections
 from gapeval.errors import GapevalError
-from gapeval.frame import FloatArray, Frame, Transform
+from gapeval.frame import FloatArray, Frame, Plane, Transform, robot_plane
+from gapeval.labels import Labels, place
 from gapeval.logs.read import Recording, read_frames
 from gapeval.results.files import UNFINISHED
 from gapeval.visibility import without_body
@@ -66,6 +71,41 @@ class Picture:
                 unfinished.unlink(missing_ok=True)
                 raise GapevalError(f"{path}: cannot be written: {error.strerror}") from error
         return picture, world, sidecar
+
+
+LABEL_COLOUR = (180, 0, 180, 255)
+GAP_COLOUR = (255, 60, 0, 255)
+
+
+def draw_outlines(
+    picture: Picture, outlines: Iterable[BaseGeometry], colour: tuple[int, int, int, int]
+) -> None:
+    """Draw (Multi)Polygons of the fixed frame into a picture."""
+    for ring in shapely.get_rings(shapely.get_parts(list(outlines))).tolist():
+        places = (shapely.get_coordinates(ring) - picture.origin) / picture.resolution
+        places[:, 1] = picture.pixels.shape[0] - places[:, 1]
+        shifted = np.round((places - 0.5) * 16).astype(np.int32)  # pixel centres are whole numbers to OpenCV
+        cv2.polylines(picture.pixels, [shifted.reshape(-1, 1, 2)], True, colour, 1, cv2.LINE_8, 4)
+
+
+def label_outlines(labels: Labels, fixed_frame: str) -> list[BaseGeometry]:
+    """The labels that were drawn in the fixed frame; those of the robot frame have no one place in it."""
+    drawn = [label for label in labels.labels if label.frame_id == fixed_frame]
+    return [place(label, Transform.identity(), robot_plane(0.0), "") for label in drawn]
+
+
+def gap_outlines(detections: Detections) -> list[BaseGeometry]:
+    """The gaps of all frames that have a pose, in the fixed frame."""
+    return [
+        shapely.transform(polygon, partial(_in_fixed_frame, frame.pose, frame.gap_plane))
+        for frame in detections.frames
+        if frame.pose is not None
+        for polygon in frame.polygons
+    ]
+
+
+def _in_fixed_frame(pose: Transform, plane: Plane, places: FloatArray) -> FloatArray:
+    return pose.apply(np.column_stack([places, plane.height(places)]))[:, :2]
 
 
 def draw_log(

@@ -24,6 +24,7 @@ def best_table(store: Store) -> str:
     ranked = store.ranked()[:BEST_ROWS]
     if not ranked:
         return "No label was asked for, so no configuration is better than another."
+    title = f"Best of {len(store.points)} configurations, chosen on these data:\n\n"
     varied = [
         name
         for name in PARAMETERS
@@ -40,7 +41,16 @@ def best_table(store: Store) -> str:
                 *(short(found[name]) for name in BEST_METRICS),
             )
         )
-    return columns(("configuration", *varied, *BEST_METRICS), rows)
+    return title + columns(("configuration", *varied, *BEST_METRICS), rows)
+
+
+def timing_table(store: Store) -> str:
+    """Where the time of a sweep went."""
+    rows = [
+        (row["log"], row["stage"], f"{row['shared_by']:.1f}", f"{1e3 * row['median']:.3f}")
+        for row in store.timings()
+    ]
+    return columns(("log", "stage", "shared by", "median [ms]"), rows)
 
 
 def _k_is_silent(store: Store) -> bool:

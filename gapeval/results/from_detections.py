@@ -5,7 +5,6 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import shapely
 from pydantic import ValidationError
 
 from gapeval.config import Config, Configuration
@@ -89,7 +88,7 @@ def with_domain(frame: DetectedFrame, detections: Detections, config: Config) ->
     everywhere = domain(
         box.x_min, box.r_max, (0.0, 0.0), frame.plane, Transform.identity(), -90.0, config.sensor.fov
     )
-    return replace(frame, domain=everywhere, shadow=frame.shadow or shapely.MultiPolygon())
+    return replace(frame, domain=everywhere)
 
 
 def filed_under(detections: Detections) -> Point:

@@ -73,8 +73,8 @@ class Store:
                 row |= point.parameters | tables.figures_row(sums) | tables.sums_row(sums)
                 summary.writerow(_cells(row))
         timing = _table(self._files["timing.csv"], tables.TIMING)
-        for (log, stage), done in self._totals.stages.items():
-            timing.writerow(_cells({"log": log, "stage": stage} | self._timing(done)))
+        for row in self.timings():
+            timing.writerow(_cells(row))
         self._files["config.yaml"].write(config.to_yaml())
         json.dump(manifest, self._files[MANIFEST], indent=2, ensure_ascii=False)
         self._files[MANIFEST].write("\n")
@@ -102,17 +102,26 @@ class Store:
         return self._totals.of(log, point.id)
 
     def _write(self, file: str, row: Mapping[str, Any]) -> None:
-        self._tables[file].writerow(_cells(row))
+        if file in self._tables:  # gaps only on request, nothing where nothing is to be written
+            self._tables[file].writerow(_cells(row))
 
-    def _timing(self, done: Sequence[tuple[float, int]]) -> dict[str, Any]:
-        seconds = [second for second, _ in done]
-        times = sum(count for _, count in done)
-        return {
-            "shared_by": len(self.points) * len(done) / times,
-            "frames": len(done),
-            "median": float(np.median(seconds)),
-            "p95": float(np.quantile(seconds, 0.95)),
-        }
+    def timings(self) -> list[dict[str, Any]]:
+        """The rows of timing.csv."""
+        rows = []
+        for (log, stage), done in self._totals.stages.items():
+            seconds = [second for second, _ in done]
+            times = sum(count for _, count in done)
+            rows.append(
+                {
+                    "log": log,
+                    "stage": stage,
+                    "shared_by": len(self.points) * len(done) / times,
+                    "frames": len(done),
+                    "median": float(np.median(seconds)),
+                    "p95": float(np.quantile(seconds, 0.95)),
+                }
+            )
+        return rows
 
 
 @contextmanager

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from gapeval.config import Configuration
+from gapeval.config import Configuration, CrossingRules, Detector
 from gapeval.detections import METHODS, crossing_properties
-from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, SUMS_WITHOUT_LABELS, figures
+from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS, figures
 from gapeval.sweep.evaluation import Answer
 
 DETECTOR = (
@@ -45,6 +45,44 @@ TIMING = ("log", "stage", "shared_by", "frames", "median", "p95")
 Row = dict[str, Any]
 
 
+def meanings() -> dict[str, str]:
+    """What each column of each file means, for docs/results.md."""
+    found = {
+        "log": "the log's path below the logs' common parent; `all`: all logs together",
+        "configuration": "12 hex digits over the parameters; `foreign` for a file that does not name any",
+        "stamp": "ns, of the cloud",
+        "best": "`true` for the best configuration of the log, chosen on these data; see scoring.md",
+        "plane_fallback": "why the plane is not the one that was asked for",
+        "label": "the label's id",
+        "state": "`visible`, `partly`, `shadowed` or `out_of_view`",
+        "range": "m, from the sensor's foot to the nearest visible point of the label",
+        "length": "m, the label's own",
+        "visible_area": "m2",
+        "covered_area": "m2, covered by gaps",
+        "iou": "largest IoU with one gap",
+        "hit": "whether it was hit; empty if it was not asked for",
+        "gap": "the gap's index in its frame, near gaps first",
+        "area": "m2",
+        "stage": "the step: a function of the code, or `read`",
+        "shared_by": "configurations that one execution serves, on average",
+        "median": "s, one execution: median over frames",
+        "p95": "s, one execution: 95 % quantile over frames",
+    }
+    for section, names in ((Detector, ("k", *DETECTOR)), (CrossingRules, CROSSING)):
+        found |= {name: section.model_fields[name].description or "" for name in names}
+    found |= {metric.name: f"{metric.meaning} [{metric.unit}]" for metric in METRICS} | SUMS
+    for method in METHODS:
+        found |= {
+            f"{method}_traversable": "may the robot cross it",
+            f"{method}_reason": "if not, why; see detector.md",
+            f"{method}_length": "m, extent of the gap along the way",
+            f"{method}_yaw": "rad, from START to END, robot frame",
+            f"{method}_tie": "the shape has no direction of its own",
+        }
+        found |= {f"{method}_{name}": "m, robot frame" for name in POSITIONS}
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Point:
     """What a result is filed under: a configuration's id and the columns of its parameters."""
@@ -70,7 +108,7 @@ def parameters(configuration: Configuration) -> Row:
 def sums_row(sums: dict[str, float]) -> Row:
     """Sums as columns: counts as integers, nothing where nothing was scored."""
     scored = bool(sums.get("scored_frames"))
-    names = SUMS if scored else SUMS_WITHOUT_LABELS
+    names = SUMS if scored else WITHOUT_LABELS
     return {name: _number(name, sums.get(name, 0)) for name in names}
 
 

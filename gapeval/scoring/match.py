@@ -13,7 +13,7 @@ from gapeval.config import Scoring
 from gapeval.detection import Share, alone
 from gapeval.detections import METHODS, Crossing, Method
 from gapeval.frame import FloatArray
-from gapeval.scoring.metrics import SUMS_OF_CROSSINGS, SUMS_WITHOUT_LABELS
+from gapeval.scoring.metrics import OF_CROSSINGS, WITHOUT_LABELS
 from gapeval.scoring.scene import Polygons, Scene, union_of_labels
 
 SLIVER = 1e-12  # m2; less is rounding
@@ -84,7 +84,7 @@ def score(
 
 def count_gaps(count: int, crossings: CrossingsOf) -> dict[str, float]:
     """The sums that need no labels: gaps, which can be crossed, and how far npca and pca agree."""
-    sums: dict[str, float] = dict.fromkeys(SUMS_WITHOUT_LABELS, 0)
+    sums: dict[str, float] = dict.fromkeys(WITHOUT_LABELS, 0)
     sums |= {"frames": 1, "gaps": count}
     for of_gap in crossings:
         for method, crossing in of_gap.items():
@@ -263,7 +263,7 @@ def over_area(scene: Scene, overlaps: Overlaps) -> float:
 
 def judge_crossings(compared: Comparison, scene: Scene, crossings: CrossingsOf) -> dict[str, float]:
     """What the labels say of the crossing of the gap that overlaps each of them best."""
-    sums: dict[str, float] = dict.fromkeys(SUMS_OF_CROSSINGS, 0)
+    sums: dict[str, float] = dict.fromkeys(OF_CROSSINGS, 0)
     for column, gap in compared.best.items():
         placed = scene.asked[column]
         for method, crossing in crossings[gap].items():

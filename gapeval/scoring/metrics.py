@@ -6,42 +6,48 @@ from typing import Literal
 
 Sums = Mapping[str, float]
 
-# What a frame adds. Summed over frames, divided once. Counts, unless a unit is given.
-SUMS_WITHOUT_LABELS: tuple[str, ...] = (
-    "frames",
-    "gaps",
-    "traversable_npca",
-    "traversable_pca",
-    "axis_angles",
-    "axis_angle_sum",  # rad
-    "plane_fallbacks",  # frames in which `plane: patch` fell back to the robot's plane
-)
-SUMS_WITH_LABELS: tuple[str, ...] = (
-    "scored_frames",  # frames that were labelled
-    "empty_frames",  # of these, frames without a label to ask for
-    "asked",  # labels of which enough is visible
-    "hits",
-    "pairs",  # of a gap and a label that it belongs to
-    "pairs_on_hits",
-    "paired_gaps",
-    "tp",
-    "fp",
-    "fn",
-    "false_gaps",  # belong to no label
-    "ignored",  # mostly in an `ignore` polygon
-    "not_counted",  # outside the domain, or touching only labels that are not asked for
-    "iou_sum",
-    "label_area",  # m2, visible
-    "covered_area",  # m2
-    "over_area_sum",  # m2
-)
-SUMS_OF_CROSSINGS: tuple[str, ...] = tuple(
-    f"{method}_{name}"
+# What a frame adds, and what it means. Summed over frames, divided once.
+WITHOUT_LABELS = {
+    "frames": "frames that were evaluated",
+    "gaps": "gaps that were found",
+    "traversable_npca": "of these, traversable by npca",
+    "traversable_pca": "of these, traversable by pca",
+    "axis_angles": "gaps with both axes",
+    "axis_angle_sum": "rad, between the axes of npca and pca",
+    "plane_fallbacks": "frames in which `plane: patch` fell back to the robot's plane",
+}
+WITH_LABELS = {
+    "scored_frames": "frames that were labelled",
+    "empty_frames": "of these, frames without a label to ask for",
+    "asked": "labels of which enough is visible",
+    "hits": "of these, labels that were hit",
+    "pairs": "pairs of a gap and a label that it belongs to",
+    "pairs_on_hits": "of these, on labels that were hit",
+    "paired_gaps": "gaps that belong to a label",
+    "tp": "matched pairs",
+    "fp": "gaps that count and were not matched",
+    "fn": "labels that were asked for and not matched",
+    "false_gaps": "gaps that count and belong to no label",
+    "ignored": "gaps mostly in an `ignore` polygon",
+    "not_counted": "gaps outside the domain, or that touch only labels that are not asked for",
+    "iou_sum": "IoU of matched pairs",
+    "label_area": "m2, visible, of labels that are asked for",
+    "covered_area": "m2, of these, covered by gaps",
+    "over_area_sum": "m2, found outside every label",
+}
+OF_CROSSINGS = {
+    f"{method}_{name}": f"{method}: {meaning}"
     for method in ("npca", "pca")
-    # lengths [m], yaws [rad]
-    for name in ("judged", "right", "lengths", "length_error_sum", "yaws", "yaw_error_sum")
-)
-SUMS: tuple[str, ...] = SUMS_WITHOUT_LABELS + SUMS_WITH_LABELS + SUMS_OF_CROSSINGS
+    for name, meaning in {
+        "judged": "hit labels with `traversable`",
+        "right": "of these, judged as labelled",
+        "lengths": "hit labels with `length`",
+        "length_error_sum": "m, |length - label|",
+        "yaws": "hit labels with `crossing_yaw`",
+        "yaw_error_sum": "rad, axial angle to the label",
+    }.items()
+}
+SUMS = WITHOUT_LABELS | WITH_LABELS | OF_CROSSINGS
 
 # Sums that a reader wants beside the metrics; the others only lead to them.
 COUNTS = (

@@ -95,7 +95,8 @@ def rescored(frame: DetectedFrame, labels: Labels, robot_frame: str, scoring: Sc
     """The answer for one frame of a detections file, which must have a domain."""
     asked = None
     if labels.cover(frame.stamp) and frame.domain is not None:
-        seen = View(frame.plane, frame.domain, frame.shadow or shapely.MultiPolygon(), frame.origin)
+        hidden = shapely.MultiPolygon() if frame.shadow is None else frame.shadow
+        seen = View(frame.plane, frame.domain, hidden, frame.origin)
         asked = scene(frame.stamp, frame.pose, seen, labels, robot_frame, scoring)
     scored = score(asked, frame, frame.crossings, scoring)
     sums = scored.sums | {"plane_fallbacks": int(frame.fallback != "")}

@@ -63,6 +63,8 @@ def library_errors(path: Path, kind: str, advice: str) -> Iterator[None]:
     except Exception as error:
         text = " ".join(str(error).split())
         reason = f"{type(error).__name__}: {text[:200]}" if text else type(error).__name__
+        if isinstance(error, AssertionError):
+            reason = "its parts contradict each other"
         raise LogError(f"{path}: damaged {kind} ({reason}); {advice}") from error
 
 

@@ -71,7 +71,8 @@ def _messages(
     """Blocks are opened in the order of their start; a message waits for the blocks that begin before it."""
     wanted = {number: topic for number, topic in topics.items() if topic.name in names}
     low = -1 if start is None else start
-    high = 1 << 64 if stop is None else stop
+    # Bag times are int64 from here on; later ones are missing from the count of messages, which is told.
+    high = 1 << 63 if stop is None else stop
     heap: list[tuple[int, int, int, Block | McapMessage]] = [
         (block.start, block.offset, -1, block)
         for block in index.blocks

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -15,7 +16,7 @@ POSE = "geometry_msgs/msg/PoseStamped"
 POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
-# What is read of each type; a definition in the log that lacks one of these is not believed.
+# What is read of each type; a definition in the log that has one of these otherwise than ROS is not believed.
 NEEDED: dict[str, frozenset[str]] = {
     POINT_CLOUD: frozenset(
         {"header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data"}
@@ -24,7 +25,17 @@ NEEDED: dict[str, frozenset[str]] = {
     POSE: frozenset({"header", "pose"}),
     POSE_WITH_COVARIANCE: frozenset({"header", "pose"}),
     **dict.fromkeys(TF, frozenset({"transforms"})),
+    "std_msgs/msg/Header": frozenset({"stamp", "frame_id"}),
+    "sensor_msgs/msg/PointField": frozenset({"name", "offset", "datatype", "count"}),
+    "geometry_msgs/msg/TransformStamped": frozenset({"header", "child_frame_id", "transform"}),
+    "geometry_msgs/msg/Transform": frozenset({"translation", "rotation"}),
+    "geometry_msgs/msg/PoseWithCovariance": frozenset({"pose"}),
+    "geometry_msgs/msg/Pose": frozenset({"position", "orientation"}),
+    "geometry_msgs/msg/Vector3": frozenset("xyz"),
+    "geometry_msgs/msg/Point": frozenset("xyz"),
+    "geometry_msgs/msg/Quaternion": frozenset("xyzw"),
 }
+READ = (POINT_CLOUD, ODOMETRY, POSE, POSE_WITH_COVARIANCE, *TF)
 SERIALIZATIONS = ("ros1", "cdr")
 
 Decode = Callable[[Raw], Any]
@@ -51,7 +62,7 @@ def decode(topic: Topic, raw: Raw) -> Any:
 
 
 def is_decodable(topic: Topic) -> bool:
-    return topic.type in NEEDED and topic.serialization in SERIALIZATIONS
+    return topic.type in READ and topic.serialization in SERIALIZATIONS
 
 
 def stamp_of(header: Any) -> int:
@@ -66,7 +77,9 @@ def frame_of(name: str) -> str:
 
 @lru_cache(maxsize=64)
 def _decoder(kind: str, serialization: str, syntax: str, definition: str) -> Decode:
-    store = _own_store(kind, syntax, definition) or _stock_store(serialization)
+    stock = _stock_store(serialization)
+    own = _own_store(kind, syntax, definition) if definition else None
+    store = own if own is not None and _agrees(own, stock, kind) else stock
     if serialization == "ros1":
         return lambda raw: store.deserialize_ros1(raw, kind)
     return lambda raw: store.deserialize_cdr(raw, kind)
@@ -74,17 +87,34 @@ def _decoder(kind: str, serialization: str, syntax: str, definition: str) -> Dec
 
 def _own_store(kind: str, syntax: str, definition: str) -> Typestore | None:
     """A store with this type alone, so that no other topic's definition can be in its way."""
-    if not definition:
-        return None
     store = get_typestore(Stores.EMPTY)
     try:
         is_idl = syntax == "idl"
         store.register(get_types_from_idl(definition) if is_idl else get_types_from_msg(definition, kind))
-        fields = {name for name, _ in store.get_msgdef(kind).fields}
+        store.get_msgdef(kind)
     except Exception:
         # Empty, unparsable or incomplete definitions are common, and the stock one serves.
         return None
-    return store if fields >= NEEDED[kind] else None
+    return store
+
+
+def _agrees(own: Typestore, stock: Typestore, kind: str) -> bool:
+    """Whether all that is read of a type, and of the types in it, is there as the stock definition has it."""
+    if kind not in own.fielddefs:
+        return False
+    have, known = dict(own.fielddefs[kind][1]), dict(stock.fielddefs[kind][1])
+    if any(have.get(name) != known[name] for name in NEEDED.get(kind, ())):
+        return False
+    inner = [_message_type(known[name]) for name in NEEDED.get(kind, ())]
+    return all(_agrees(own, stock, other) for other in inner if other in NEEDED)
+
+
+def _message_type(description: Any) -> str | None:
+    """The message type of a field, or of the items of an array; None for numbers and strings."""
+    node, detail = description
+    if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        node, detail = detail[0]
+    return str(detail) if node == Nodetype.NAME else None
 
 
 @lru_cache(maxsize=2)

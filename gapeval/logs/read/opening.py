@@ -43,8 +43,12 @@ def _open_compressed(path: Path) -> Iterator[Container]:
     with compression.decompressed_file(path) as copy:
         if _magic(copy).startswith(compression.MAGIC):
             raise LogError(f"{path}: compressed more than once; unpack it with `zstd -d`")
-        with open_file(copy) as container:
-            yield container
+        try:
+            with open_file(copy) as container:
+                yield container
+        except LogError as error:
+            # The copy is gone when the line is read.
+            raise LogError(str(error).replace(str(copy), str(path))) from error
 
 
 def _magic(path: Path) -> bytes:

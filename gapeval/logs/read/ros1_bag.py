@@ -23,14 +23,16 @@ def open_ros1_bag(path: Path) -> Iterator[Container]:
         reader = Reader(path)
         reader.open()
     try:
-        empty = not reader.chunk_infos or not reader.message_count
-        yield Container(
-            kind=KIND,
-            topics=merged_topics(_topic(reader, connection) for connection in reader.connections),
-            start=None if empty else reader.start_time,
-            end=None if empty else reader.end_time - 1,
-            messages=partial(_messages, reader, path),
-        )
+        with library_errors(path, KIND, f"`rosbag reindex {path.name}` may mend it"):
+            empty = not reader.chunk_infos or not reader.message_count
+            container = Container(
+                kind=KIND,
+                topics=merged_topics(_topic(reader, connection) for connection in reader.connections),
+                start=None if empty else reader.start_time,
+                end=None if empty else reader.end_time - 1,
+                messages=partial(_messages, reader, path),
+            )
+        yield container
     finally:
         reader.close()
 

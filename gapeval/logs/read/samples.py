@@ -107,7 +107,7 @@ def pose_edge(samples: Samples, topic: str, robot_frame: str, fixed_frame: str |
     ((parent, child), rows) = next(iter(found.items()))
     if not parent and fixed_frame is None:
         raise LogError(f"{topic} does not name its frame; say what to call it with --fixed-frame map")
-    parent, child = parent or str(fixed_frame), child or robot_frame
+    parent, child = parent or frame_of(str(fixed_frame)), child or robot_frame
     if parent == child:
         raise LogError(f"{topic} gives {child} in {parent}, which is itself; name another with --pose-topic")
     return make_edge(parent, child, "at its stamps", rows.values, rows.stamps, topic)

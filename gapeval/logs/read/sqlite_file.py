@@ -28,14 +28,17 @@ def open_sqlite_file(path: Path) -> Iterator[Container]:
     with library_errors(path, KIND, ADVICE):
         reader.open()
     try:
-        empty = not reader.metadata.message_count
-        yield Container(
-            kind=KIND,
-            topics=merged_topics(_topic(connection) for connection in reader.connections),
-            start=None if empty else reader.metadata.start_time,
-            end=None if empty else reader.metadata.end_time - 1,
-            messages=partial(_messages, reader, path),
-        )
+        # sqlite3 lets anything stand in any column.
+        with library_errors(path, KIND, ADVICE):
+            empty = not reader.metadata.message_count
+            container = Container(
+                kind=KIND,
+                topics=merged_topics(_topic(connection) for connection in reader.connections),
+                start=None if empty else int(reader.metadata.start_time),
+                end=None if empty else int(reader.metadata.end_time) - 1,
+                messages=partial(_messages, reader, path),
+            )
+        yield container
     finally:
         reader.close()
 
@@ -73,4 +76,4 @@ def _messages(
     topics = {c.id: _topic(c) for c in connections}
     with library_errors(path, KIND, ADVICE):
         for connection, time, data in reader.messages(connections, start, stop):
-            yield topics[connection.id], time, decompressed(data)
+            yield topics[connection.id], int(time), decompressed(data)

@@ -15,6 +15,7 @@ Stamps = NDArray[np.int64]
 Holds = Literal["at its stamps", "always"]
 
 OK, BEFORE, AFTER, GAP = range(4)  # why a stamp has no transform
+FARTHEST = 1e12  # m; what is farther away is no place, and may overflow float32
 NEARLY_EQUAL = 1 - 1e-9  # cosine of half an angle below which slerp divides by nearly nothing
 
 
@@ -268,10 +269,10 @@ def inverse(transforms: Transforms) -> Transforms:
 
 def _normalised(edge: Edge) -> FloatArray:
     quaternions = edge.samples.quaternion
-    norms = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    sound = (
-        (norms[:, 0] > 1e-6) & np.isfinite(norms[:, 0]) & np.isfinite(edge.samples.translation).all(axis=1)
-    )
+    with np.errstate(over="ignore", invalid="ignore"):
+        norms = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    near = (np.abs(edge.samples.translation) < FARTHEST).all(axis=1)
+    sound = (norms[:, 0] > 1e-6) & np.isfinite(norms[:, 0]) & near
     if not sound.all():
         bad = int(np.flatnonzero(~sound)[0])
         values = [float(v) for v in (*edge.samples.translation[bad], *quaternions[bad])]

@@ -1,0 +1,126 @@
+"""The parts of docs/ that are made from the code. Run as a program, it writes them."""
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import click
+from pydantic import BaseModel
+
+from gapeval.cli import cli
+from gapeval.config import Config
+from gapeval.results import tables
+from gapeval.scoring.metrics import METRICS
+
+DOCS = Path(__file__).parent.parent / "docs"
+MADE = r"(<!-- {name}: made by scripts/document -->\n).*?(<!-- end -->)"
+
+
+CONFIGURATION = """# Configuration
+
+This page is made from `gapeval/config.py` by `scripts/document`. A file may leave out everything; an
+unknown key is an error. On the command line: `-p key=value`, dotted where the name is not unique
+(`-p robot.length=1.2`). Explicit options win over `-p`, `-p` over the file. Several values,
+`-p k=5,6,7`, replace the grid's.
+"""
+
+
+def cell(text: object) -> str:
+    """Text in a table of Markdown."""
+    return str(text).replace("|", "\\|")
+
+
+def commands() -> str:
+    """Every command's --help."""
+    pages = ["# Commands\n\nThis page is made from the commands' `--help` by `scripts/document`.\n"]
+    for path, command in walk(cli, ("gapeval",)):
+        context = click.Context(command, info_name=" ".join(path), max_content_width=100, terminal_width=100)
+        pages.append(f"## {' '.join(path)}\n\n```\n{command.get_help(context)}\n```\n")
+    return "\n".join(pages)
+
+
+def walk(command: click.Command, path: tuple[str, ...]) -> list[tuple[tuple[str, ...], click.Command]]:
+    found = [(path, command)]
+    if isinstance(command, click.Group):
+        for name, child in sorted(command.commands.items()):
+            found += walk(child, (*path, name))
+    return found
+
+
+def configuration() -> str:
+    """Every section and parameter."""
+    page = CONFIGURATION
+    for name, field in Config.model_fields.items():
+        if name == "grid":
+            page += f"\n## grid\n\n{field.description}\n"
+        else:
+            page += section(name, field.annotation)
+    return page
+
+
+def section(path: str, model: type[BaseModel]) -> str:
+    rows, inner = [], ""
+    for name, field in model.model_fields.items():
+        options = [model for model in (field.annotation, *get_args(field.annotation)) if is_model(model)]
+        inner += "".join(section(f"{path}.{name}", option) for option in options)
+        if field.description:
+            default = "required" if field.is_required() else "" if field.default is None else field.default
+            rows.append(f"| `{name}` | {default} | {cell(field.description)} |")
+    about = model.__doc__.split("\n")[0]
+    return (
+        f"\n## {path}\n\n{about}\n\n| key | default | meaning |\n|---|---|---|\n"
+        + "\n".join(rows)
+        + f"\n{inner}"
+    )
+
+
+def is_model(candidate: object) -> bool:
+    return isinstance(candidate, type) and issubclass(candidate, BaseModel)
+
+
+def metrics() -> str:
+    rows = "\n".join(f"| `{m.name}` | {m.unit} | {m.better} | {cell(m.meaning)} |" for m in METRICS)
+    return f"| metric | unit | better | meaning |\n|---|---|---|---|\n{rows}\n"
+
+
+def columns() -> str:
+    files = {
+        "summary.csv": tables.SUMMARY,
+        "frames.csv": tables.FRAMES,
+        "labels.csv": tables.LABELS,
+        "gaps.csv": tables.GAPS,
+        "timing.csv": tables.TIMING,
+    }
+    parts, meanings = [], tables.meanings()
+    for file, names in files.items():
+        rows = "\n".join(f"| `{name}` | {cell(meanings[name])} |" for name in names)
+        parts.append(f"## {file}\n\n| column | meaning |\n|---|---|\n{rows}\n")
+    return "\n".join(parts)
+
+
+def with_part(page: str, name: str, content: str) -> str:
+    """The page with its part of that name made anew."""
+    made, count = re.subn(
+        MADE.format(name=name),
+        lambda found: found[1] + "\n" + content + "\n" + found[2],
+        page,
+        flags=re.DOTALL,
+    )
+    assert count == 1, f"no part {name}"
+    return made
+
+
+def pages() -> dict[Path, str]:
+    """What each page should be now."""
+    scoring, results = DOCS / "scoring.md", DOCS / "results.md"
+    return {
+        DOCS / "commands.md": commands(),
+        DOCS / "configuration.md": configuration(),
+        scoring: with_part(scoring.read_text(), "metrics", metrics()),
+        results: with_part(results.read_text(), "columns", columns()),
+    }
+
+
+if __name__ == "__main__":
+    for page, text in pages().items():
+        page.write_text(text)

@@ -1,0 +1,80 @@
+"""Data flows one way: a module imports only from those below it."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+PACKAGE = Path(__file__).parent.parent / "gapeval"
+
+# From top to bottom, as in CONTRIBUTING.md.
+FLOORS = [
+    "cli",
+    "report",
+    "results",
+    "sweep",
+    "scoring",
+    "traversability",
+    "detection",
+    "visibility",
+    "labels",
+    "detections",
+    "logs",
+    "frame",
+    "config",
+    "errors",
+]
+
+
+def imports(path: Path) -> set[str]:
+    """The rooms of gapeval that a module imports from."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module] if node.module != "gapeval" else [f"gapeval.{a.name}" for a in node.names]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        else:
+            continue
+        found |= {name.split(".")[1] for name in names if name.startswith("gapeval.")}
+    return found - {"__version__"}
+
+
+def test_every_room_is_on_the_plan() -> None:
+    rooms = {
+        path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()
+    }
+    assert rooms - {"__init__", "__main__"} == set(FLOORS)
+
+
+def test_modules_import_only_from_below() -> None:
+    upwards = [
+        f"{path.relative_to(PACKAGE)} imports gapeval.{room}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        if (home := path.relative_to(PACKAGE).parts[0].removesuffix(".py")) in FLOORS
+        for room in sorted(imports(path))
+        if FLOORS.index(room) < FLOORS.index(home)
+    ]
+    assert upwards == []
+
+
+def test_help_imports_nothing_heavy() -> None:
+    """`gapeval --help` must answer at once."""
+    code = "import sys, gapeval.cli; print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    heavy = {
+        "numpy",
+        "cv2",
+        "shapely",
+        "pydantic",
+        "yaml",
+        "scipy",
+        "rosbags",
+        "mcap",
+        "pandas",
+        "matplotlib",
+        "tqdm",
+    }
+    assert heavy.isdisjoint(loaded)
