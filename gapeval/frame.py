@@ -67,6 +67,7 @@ class Frame:
     sensor: robot<-sensor; its translation is the laser's origin.
     lowest_elevation: lowest ray of the sensor [rad], in the sensor frame; -pi/2 if it sees straight down.
     pose: fixed<-robot; None for a log without any fixed frame.
+    dropped: points of the cloud that are left out here, being NaN, infinite or at exactly (0, 0, 0).
     """
 
     stamp: int
@@ -74,6 +75,7 @@ class Frame:
     sensor: Transform = field(default_factory=Transform.identity)
     lowest_elevation: float = -np.pi / 2
     pose: Transform | None = None
+    dropped: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,3 +104,12 @@ def test_info_is_text_and_json(tmp_path: Path) -> None:
     assert "map" in text.out
     (about,) = json.loads(gapeval("info", "--json", log).out)
     assert about["container"] == "MCAP"
+
+
+def test_info_goes_on_after_a_log_that_cannot_be_read(tmp_path: Path) -> None:
+    log = drive(tmp_path / "drive.mcap", 2)
+    done = gapeval("info", tmp_path / "no.bag", log, tmp_path / "neither.bag")
+    assert done.status == 1
+    assert "/points" in done.out
+    assert ["no.bag" in line for line in done.err.splitlines()] == [True, False]
+    assert "neither.bag" in done.last_line

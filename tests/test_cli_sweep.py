@@ -175,8 +175,11 @@ def test_unusable_clouds_are_counted_and_named(tmp_path: Path, trench: Path) -> 
 
 def test_only_labelled_stamps_are_scored(tmp_path: Path) -> None:
     log = drive(tmp_path / "drive.mcap", 3)
-    some = labels(tmp_path / "some.geojson", stamps=[str(stamps(3)[1])])
-    assert gapeval("sweep", log, "--labels", some, "-p", "delta_r=1.05", "-o", tmp_path / "out").status == 0
+    some = labels(tmp_path / "some.geojson", stamps=[str(stamps(3)[1]), "7"])
+    done = gapeval("sweep", log, "--labels", some, "-p", "delta_r=1.05", "-o", tmp_path / "out", "--jobs", 1)
+    assert done.status == 0
+    assert "some.geojson: 1 labelled stamps are no cloud, the first 7" in done.err
+    assert json.loads((tmp_path / "out/manifest.json").read_text())["labels"][0]["unmatched_stamps"] == 1
     row = the_row(read(tmp_path / "out/summary.csv"), log="all")
     assert (row["frames"], row["scored_frames"], row["asked"]) == ("3", "1", "1")
 

@@ -23,11 +23,22 @@ def info(logs: tuple[Path, ...], as_json: bool, **options: str) -> None:
       gapeval info drive.bag
       gapeval info --json drives/*.mcap
     """
+    from gapeval.cli.reading import say
+    from gapeval.errors import LogError
     from gapeval.logs.read import describe, render
 
     settings = configuration(**options).log  # type: ignore[arg-type]
-    descriptions = [describe(path, settings) for path in logs]
+    descriptions, unreadable = [], []
+    for path in logs:
+        try:
+            descriptions.append(describe(path, settings))
+        except LogError as error:
+            unreadable.append(error)
     if as_json:
         click.echo(json.dumps([description.to_dict() for description in descriptions], indent=2))
-        return
-    click.echo("\n\n".join(render(description) for description in descriptions))
+    elif descriptions:
+        click.echo("\n\n".join(render(description) for description in descriptions))
+    for error in unreadable[:-1]:
+        say(f"gapeval: {error}")
+    if unreadable:
+        raise unreadable[-1]

@@ -41,11 +41,11 @@ def sweep(
       gapeval sweep a.mcap b.bag --labels gaps.geojson --config configs/paper.yaml -o results/
       gapeval sweep drive.mcap --labels gaps.geojson -p k=5,6,7 -p delta_r=1.05,1.1,2 --jobs 4
     """
-    from gapeval.cli.reading import open_logs, progress_bar, say_more, say_newly_refused
+    from gapeval.cli.reading import open_logs, progress_bar, say, say_more, say_newly_refused
     from gapeval.labels import read_labels
     from gapeval.report.text import best_table, timing_table
     from gapeval.results.files import make_folder
-    from gapeval.results.from_sweep import log_names, plan, write_sweep
+    from gapeval.results.from_sweep import log_names, plan, unmatched_stamps, write_sweep
     from gapeval.sweep.grid import configurations
 
     config = configuration(**options)  # type: ignore[arg-type]
@@ -54,6 +54,9 @@ def sweep(
     labels = [read_labels(path) for path in label_files]
     make_folder(output)
     planned = plan(config, open_logs(logs, config.log), labels, with_gaps)
+    for drawn, missing in unmatched_stamps(planned).items():
+        if missing:
+            say(f"{drawn.path}: {len(missing)} labelled stamps are no cloud, the first {missing[0]}")
     with progress_bar(f"sweep {count} configurations", planned.frames, "frames") as bar:
         done = write_sweep(planned, output, jobs or os.cpu_count() or 1, bar.update)
         seconds = bar.format_dict["elapsed"]

@@ -10,7 +10,7 @@ from gapeval.config import Config
 from gapeval.errors import ConfigError, GapevalError
 from gapeval.labels import Labels, require_frames
 from gapeval.logs.read import Recording
-from gapeval.results.manifest import LogHash, label_entry, log_entry, manifest
+from gapeval.results.manifest import LogTally, label_entry, log_entry, manifest
 from gapeval.results.store import Store, open_store
 from gapeval.results.tables import point
 from gapeval.scoring.scene import common_domain
@@ -67,33 +67,39 @@ def plan(
 def write_sweep(sweep: Sweep, folder: Path, jobs: int, advance: Callable[[], object]) -> Outcome:
     """Evaluate all frames; `advance` is called after each. The files appear when all is done."""
     task = sweep.task
-    hashes = [LogHash() for _ in task.recordings]
-    refused = [dict(recording.refused) for recording in task.recordings]
-    frames = [0] * len(task.recordings)
+    tallies = [LogTally(dict(recording.refused)) for recording in task.recordings]
     points = [point(configuration) for configuration in task.question.configurations]
     with open_store(folder, points, task.question.keep_gaps) as store:
         for frame in run(task, jobs):
-            log = frame.recording
+            tally = tallies[frame.recording]
             if frame.refusal:
-                refused[log][frame.refusal] = refused[log].get(frame.refusal, 0) + 1
+                tally.refuse(frame.refusal)
             else:
-                frames[log] += 1
-                hashes[log].add(frame.digest)
-                store.add(sweep.names[log], frame.stamp, frame.answers, frame.spent)
+                tally.add(frame.digest, frame.points, frame.dropped)
+                store.add(sweep.names[frame.recording], frame.stamp, frame.answers, frame.spent)
             advance()
-        entries = tuple(
-            log_entry(name, recording, identity.hexdigest(), count, reasons)
-            for name, recording, identity, count, reasons in zip(
-                sweep.names, task.recordings, hashes, frames, refused, strict=True
-            )
-        )
-        for recording, entry in zip(task.recordings, entries, strict=True):
-            if entry["frames"] == 0:
-                reasons = "; ".join(f"{count} x {reason}" for reason, count in entry["refused"].items())
+        for recording, tally in zip(task.recordings, tallies, strict=True):
+            if tally.frames == 0:
+                reasons = "; ".join(f"{count} x {reason}" for reason, count in tally.refused.items())
                 raise GapevalError(f"{recording.path}: no cloud could be used ({reasons})")
-        labels = {drawn.path: label_entry(drawn) for drawn in task.labels if drawn}
-        store.finish(_effective(sweep), manifest(entries, list(labels.values()), len(points)), sweep.names)
+        entries = tuple(map(log_entry, sweep.names, task.recordings, tallies))
+        labels = [
+            label_entry(drawn) | {"unmatched_stamps": len(missing)}
+            for drawn, missing in unmatched_stamps(sweep).items()
+        ]
+        store.finish(_effective(sweep), manifest(entries, labels, len(points)), sweep.names)
     return Outcome(store, entries)
+
+
+def unmatched_stamps(sweep: Sweep) -> dict[Labels, list[int]]:
+    """Of each label file, the stamps that were labelled and are no cloud of any log that it goes with."""
+    missing: dict[Labels, set[int]] = {}
+    for drawn, recording in zip(sweep.task.labels, sweep.task.recordings, strict=True):
+        if drawn is not None:
+            missing.setdefault(drawn, set(drawn.stamps or ())).difference_update(
+                recording.scans.stamps.tolist()
+            )
+    return {drawn: sorted(stamps) for drawn, stamps in missing.items()}
 
 
 def log_names(paths: Sequence[Path]) -> tuple[str, ...]:

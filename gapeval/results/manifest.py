@@ -3,6 +3,7 @@
 import hashlib
 import platform
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
 
@@ -18,26 +19,34 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
 
 
-class LogHash:
-    """A log's identity: the hash of what was decoded, frame by frame, not of the file's bytes."""
+@dataclass(slots=True)
+class LogTally:
+    """What was read of one log, and refused, with the reasons.
 
-    def __init__(self) -> None:
-        self._digest = hashlib.sha256()
+    identity: hash of what was decoded, frame by frame; the log's file may hold it in any container.
+    """
 
-    def add(self, frame_digest: bytes) -> None:
-        self._digest.update(frame_digest)
+    refused: dict[str, int]
+    identity: "hashlib._Hash" = field(default_factory=hashlib.sha256)
+    frames: int = 0
+    points: int = 0
+    dropped: int = 0
 
-    def hexdigest(self) -> str:
-        return self._digest.hexdigest()
+    def add(self, frame_digest: bytes, points: int, dropped: int) -> None:
+        self.identity.update(frame_digest)
+        self.frames += 1
+        self.points += points
+        self.dropped += dropped
+
+    def refuse(self, reason: str) -> None:
+        self.refused[reason] = self.refused.get(reason, 0) + 1
 
 
-def log_entry(
-    name: str, recording: Recording, sha256: str, frames: int, refused: dict[str, int]
-) -> dict[str, Any]:
+def log_entry(name: str, recording: Recording, tally: LogTally) -> dict[str, Any]:
     """One log: what it is, what was picked in it, how much was read and what was refused."""
     return {
         "log": name,
-        "sha256": sha256,
+        "sha256": tally.identity.hexdigest(),
         "container": recording.container,
         "cloud_topic": recording.cloud_topic,
         "pose_source": recording.pose_source,
@@ -46,8 +55,10 @@ def log_entry(
         "sensor_frame": recording.sensor_frame,
         "lowest_elevation": recording.lowest_elevation,
         "clouds": recording.total,
-        "frames": frames,
-        "refused": dict(sorted(refused.items())),
+        "frames": tally.frames,
+        "refused": dict(sorted(tally.refused.items())),
+        "points": tally.points,
+        "points_dropped": tally.dropped,
         "notices": list(recording.notices),
     }
 

@@ -12,7 +12,7 @@ from gapeval.errors import GapevalError
 from gapeval.frame import Frame
 from gapeval.logs.read import Recording, frame_digest, read_frames
 from gapeval.results.files import whole_file
-from gapeval.results.manifest import LogHash
+from gapeval.results.manifest import LogTally
 from gapeval.scoring.scene import common_domain
 from gapeval.sweep.evaluation import Question, detected
 from gapeval.sweep.executor import one_thread
@@ -34,29 +34,25 @@ def detect_log(config: Config, recording: Recording, output: Path, advance: Call
     one_thread()
     chosen = the_one(config)
     question = Question((chosen,), config.scoring, *common_domain([chosen], config.scoring))
-    identity = LogHash()
-    refused = dict(recording.refused)
+    tally = LogTally(dict(recording.refused))
     header: dict[str, Any] = {
         "frame_id": recording.robot_frame,
         "fixed_frame": recording.fixed_frame,
         "configuration": {"id": chosen.id} | json.loads(chosen.model_dump_json()),
     }
-    used = 0
 
     def frames() -> Iterator[DetectedFrame]:
-        nonlocal used
         for item in read_frames(recording, 0, len(recording.scans)):
             if isinstance(item, Frame):
-                used += 1
-                identity.add(frame_digest(item))
+                tally.add(frame_digest(item), len(item.points) + item.dropped, item.dropped)
                 yield detected(item, chosen, question)
             else:
-                refused[str(item)] = refused.get(str(item), 0) + 1
+                tally.refuse(str(item))
             advance()
-        if used == 0:
-            raise GapevalError(f"{recording.path}: no cloud could be used ({'; '.join(refused)})")
-        header["log"] = {"name": recording.path.name, "sha256": identity.hexdigest()}
+        if tally.frames == 0:
+            raise GapevalError(f"{recording.path}: no cloud could be used ({'; '.join(tally.refused)})")
+        header["log"] = {"name": recording.path.name, "sha256": tally.identity.hexdigest()}
 
     with whole_file(output) as file:
         gaps = write_detections(file, header, frames())
-    return Detected(chosen.id, used, gaps, refused)
+    return Detected(chosen.id, tally.frames, gaps, tally.refused)

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from multiprocessing import get_context
 
 import cv2
@@ -43,15 +43,18 @@ class Unit:
 class EvaluatedFrame:
     """One frame of a recording: its answers, or why it was refused when it was read.
 
-    spent: seconds of each time that a step was done, by its name.
+    points, dropped: how many the cloud has, and how many of it were left out. spent: seconds of each time
+    that a step was done, by its name.
     """
 
     recording: int
     stamp: int
-    digest: bytes
-    refusal: str
-    answers: list[Answer]
-    spent: dict[str, list[float]]
+    refusal: str = ""
+    digest: bytes = b""
+    points: int = 0
+    dropped: int = 0
+    answers: list[Answer] = field(default_factory=list)
+    spent: dict[str, list[float]] = field(default_factory=dict)
 
 
 def run(task: Task, jobs: int) -> Iterator[EvaluatedFrame]:
@@ -85,10 +88,17 @@ def run_unit(task: Task, unit: Unit) -> Iterator[EvaluatedFrame]:
         read = time.perf_counter() - begin
         if isinstance(frame, Frame):
             answers, spent = evaluate(frame, task.question, labels, recording.robot_frame)
-            spent = {"read": [read]} | spent
-            yield EvaluatedFrame(unit.recording, frame.stamp, frame_digest(frame), "", answers, spent)
+            yield EvaluatedFrame(
+                recording=unit.recording,
+                stamp=frame.stamp,
+                digest=frame_digest(frame),
+                points=len(frame.points) + frame.dropped,
+                dropped=frame.dropped,
+                answers=answers,
+                spent={"read": [read]} | spent,
+            )
         else:
-            yield EvaluatedFrame(unit.recording, frame.stamp, b"", str(frame), [], {})
+            yield EvaluatedFrame(unit.recording, frame.stamp, refusal=str(frame))
         begin = time.perf_counter()
 
 

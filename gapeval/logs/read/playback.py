@@ -114,6 +114,7 @@ def _read_scan(recording: Recording, index: int, topic: Topic, raw: Raw) -> Fram
         sensor=scans.sensor.at(index),
         lowest_elevation=recording.lowest_elevation,
         pose=None if scans.pose is None else scans.pose.at(index),
+        dropped=points.not_finite + points.zero,
     )
 
 
