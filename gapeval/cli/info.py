@@ -38,7 +38,7 @@ def info(logs: tuple[Path, ...], as_json: bool, **options: str) -> None:
         click.echo(json.dumps([description.to_dict() for description in descriptions], indent=2))
     elif descriptions:
         click.echo("\n\n".join(render(description) for description in descriptions))
-    for error in unreadable[:-1]:
-        say(f"gapeval: {error}")
+    for failure in unreadable[:-1]:
+        say(f"gapeval: {failure}")
     if unreadable:
         raise unreadable[-1]
