@@ -192,6 +192,8 @@ def test_every_gap_on_request(tmp_path: Path) -> None:
     for row in gaps:
         assert (row["npca_traversable"] == "true") == (row["npca_reason"] == "")
         assert (row["npca_reason"] == "too_long") == (float(row["npca_length"]) > 0.34)
+    assert gapeval("sweep", log, *GRID, "-o", tmp_path / "out", "--jobs", 1).status == 0
+    assert not (tmp_path / "out/gaps.csv").exists(), "it would be of another sweep than the rest"
 
 
 def test_a_failed_sweep_leaves_the_results_of_the_last(tmp_path: Path, trench: Path) -> None:

@@ -26,7 +26,10 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def whole_files(folder: Path, names: tuple[str, ...]) -> Iterator[dict[str, IO[str]]]:
-    """Open files in a folder; only if all goes well do they appear under their names, in the order given."""
+    """Open files in a folder; only if all goes well do they appear under their names.
+
+    The last appears last and goes first, so that it stands for the others being there, all of one making.
+    """
     unfinished = {name: folder / (name + UNFINISHED) for name in names}
     try:
         with ExitStack() as stack:
@@ -34,6 +37,7 @@ def whole_files(folder: Path, names: tuple[str, ...]) -> Iterator[dict[str, IO[s
                 name: stack.enter_context(path.open("w", encoding="utf-8", newline=""))
                 for name, path in unfinished.items()
             }
+        (folder / names[-1]).unlink(missing_ok=True)
         for name, path in unfinished.items():
             path.replace(folder / name)
     except OSError as error:

@@ -1,6 +1,7 @@
 """A sweep over logs, written to a folder."""
 
 import os
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -112,7 +113,12 @@ def log_names(paths: Sequence[Path]) -> tuple[str, ...]:
 
 
 def _effective(sweep: Sweep) -> Config:
-    """The configuration as it was used: with what was measured in the logs."""
-    lowest = {recording.path.name: recording.lowest_elevation for recording in sweep.task.recordings}
+    """The configuration as it was used: with what was measured in the logs, where their names tell them apart."""
+    names = Counter(recording.path.name for recording in sweep.task.recordings)
+    lowest = {
+        recording.path.name: recording.lowest_elevation
+        for recording in sweep.task.recordings
+        if names[recording.path.name] == 1
+    }
     log = sweep.config.log.model_copy(update={"lowest_elevation": lowest})
     return sweep.config.model_copy(update={"log": log})

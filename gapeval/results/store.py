@@ -18,6 +18,7 @@ from gapeval.scoring.metrics import add, figures
 from gapeval.sweep.evaluation import Answer
 
 ALL = "all"
+GAPS = "gaps.csv"
 MANIFEST = "manifest.json"
 
 
@@ -39,7 +40,7 @@ class Store:
         self.points = points
         self._files = files
         self._totals = Totals()
-        columns = {"frames.csv": tables.FRAMES, "labels.csv": tables.LABELS, "gaps.csv": tables.GAPS}
+        columns = {"frames.csv": tables.FRAMES, "labels.csv": tables.LABELS, GAPS: tables.GAPS}
         self._tables = {name: _table(files[name], columns[name]) for name in columns if name in files}
 
     def add(
@@ -53,7 +54,7 @@ class Store:
             for row in tables.label_rows(answer):
                 self._write("labels.csv", where | row)
             for row in tables.gap_rows(answer):
-                self._write("gaps.csv", where | row)
+                self._write(GAPS, where | row)
             for name in (log, ALL):
                 add(self._totals.of(name, point.id), answer.sums)
         for stage, seconds in spent.items():
@@ -128,10 +129,12 @@ class Store:
 def open_store(folder: Path, points: Sequence[Point], with_gaps: bool = False) -> Iterator[Store]:
     """The result files of a folder; they appear when the block ends well, the manifest last."""
     make_folder(folder)
-    gaps = ("gaps.csv",) if with_gaps else ()
+    gaps = (GAPS,) if with_gaps else ()
     names = ("summary.csv", "frames.csv", "labels.csv", *gaps, "timing.csv", "config.yaml", MANIFEST)
     with whole_files(folder, names) as files:
         yield Store(files, points)
+        if not with_gaps:  # those of an earlier sweep do not belong to these results
+            (folder / GAPS).unlink(missing_ok=True)
 
 
 def _table(file: IO[str], columns: Sequence[str]) -> "csv.DictWriter[str]":
