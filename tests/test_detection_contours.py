@@ -14,7 +14,7 @@ from gapeval.detection.contours import find_contours
 from gapeval.detection.grid import cell_polygons, cells, corners, midpoints, polar_grid, row_edges
 from gapeval.detection.surface import Mask
 
-QUICK = settings(max_examples=150, deadline=None, derandomize=True)
+QUICK = settings(max_examples=400, deadline=None, derandomize=True)
 
 
 def grid_of(rows, width, delta_r=1.2, r_max=3.0, origin=(0.25, -0.1)):
@@ -85,7 +85,7 @@ def test_any_image(mask, delta_r, origin):
     is_sound(find_contours(grid, Mask(mask)), mask)
 
 
-@settings(QUICK, max_examples=8)
+@settings(QUICK, max_examples=20)
 @given(st.integers(0, 1000), st.sampled_from([0.4, 0.8]))
 def test_any_large_image(seed, density):
     mask = np.random.default_rng(seed).random((32, 33)) < density

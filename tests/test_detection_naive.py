@@ -17,7 +17,7 @@ from gapeval.detection.plane import PlaneFit, supporting_plane
 from gapeval.frame import Frame, Plane, Transform
 
 QUICK = settings(
-    max_examples=120,
+    max_examples=300,
     deadline=None,
     derandomize=True,
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much, HealthCheck.data_too_large],
@@ -177,7 +177,7 @@ def test_detector_is_the_naive_one(scene, seed, share_of_cells, obstacle_share):
     compare(scene, detect(frame_of(scene, points), configuration_of(scene), on(Plane(*scene.plane))), points)
 
 
-@settings(QUICK, max_examples=60)
+@settings(QUICK, max_examples=100)
 @given(scenes(), between(-0.2, 0.2), seeds, shares)
 def test_detector_on_the_robot_plane_is_the_naive_one(scene, ground_z, seed, share_of_cells):
     scene = replace(scene, plane=(0.0, 0.0, 1.0, -ground_z))
@@ -186,7 +186,7 @@ def test_detector_on_the_robot_plane_is_the_naive_one(scene, ground_z, seed, sha
     compare(scene, detect(frame_of(scene, points), configuration_of(scene)), points)
 
 
-@settings(QUICK, max_examples=20)
+@settings(QUICK, max_examples=40)
 @given(scenes(), seeds, shares, st.sampled_from(["data", "zero"]), st.sampled_from(["rect", "cross"]))
 def test_detector_at_full_size_is_the_naive_one(scene, seed, share_of_cells, edge, kernel):
     params = scene.params.model_copy(

@@ -113,7 +113,7 @@ def log_names(paths: Sequence[Path]) -> tuple[str, ...]:
 
 
 def _effective(sweep: Sweep) -> Config:
-    """The configuration as it was used: with what was measured in the logs, where their names tell them apart."""
+    """The configuration as it was used: with what was measured in logs that their file names tell apart."""
     names = Counter(recording.path.name for recording in sweep.task.recordings)
     lowest = {
         recording.path.name: recording.lowest_elevation
