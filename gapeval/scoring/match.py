@@ -15,6 +15,7 @@ from gapeval.detections import METHODS, Crossing, Method
 from gapeval.frame import FloatArray
 from gapeval.scoring.metrics import OF_CROSSINGS, WITHOUT_LABELS
 from gapeval.scoring.scene import Polygons, Scene, union_of_labels
+from gapeval.visibility import areas_only
 
 SLIVER = 1e-12  # m2; less is rounding
 
@@ -107,8 +108,10 @@ class Comparison:
 def compare(scene: Scene, gaps: Outlined, rules: Scoring) -> Comparison:
     """Hits, matches, false gaps and areas of one frame."""
     overlaps = overlap(scene, gaps.polygons, rules.belongs)
-    false, ignored, not_counted = sort_unpaired(scene, gaps.polygons, overlaps)
     matched = match(overlaps.iou, [label.label.id for label in scene.asked], rules.iou)
+    unmatched = np.ones(len(gaps.polygons), dtype=np.bool_)
+    unmatched[[gap for gap, _ in matched]] = False
+    false, ignored, not_counted = sort_unmatched(scene, gaps.polygons, overlaps, unmatched)
     covered = covered_areas(scene, overlaps)
     rows = label_scores(scene, overlaps, covered, rules)
     hit = np.array([row.hit for row in rows if row.hit is not None], dtype=np.bool_)
@@ -148,7 +151,7 @@ def overlap(scene: Scene, polygons: Polygons, belongs: float) -> Overlaps:
     shapely.prepare(scene.visible)
     parts = polygons.copy()
     cut = ~np.asarray(shapely.covers(scene.visible, polygons), dtype=np.bool_)
-    parts[cut] = shapely.intersection(polygons[cut], scene.visible)
+    parts[cut] = [areas_only(part) for part in shapely.intersection(polygons[cut], scene.visible)]
     areas = np.asarray(shapely.area(parts), dtype=np.float64)
     visible = np.array([label.visible for label in scene.asked], dtype=object)
     label_areas = np.asarray(shapely.area(visible), dtype=np.float64)
@@ -162,15 +165,15 @@ def overlap(scene: Scene, polygons: Polygons, belongs: float) -> Overlaps:
     return Overlaps(parts, areas, shared, iou, (shared > 0) & (shared >= threshold))
 
 
-def sort_unpaired(
-    scene: Scene, polygons: Polygons, overlaps: Overlaps
+def sort_unmatched(
+    scene: Scene, polygons: Polygons, overlaps: Overlaps, unmatched: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Of the gaps (N,) that belong to no label: which are false, which ignored, which do not count.
+    """Of the gaps (N,) that are not matched: which are false, which ignored, which do not count.
 
-    One that lies outside the domain, or touches only labels that are not asked for, counts neither way.
-    One wholly in shadow is false unless it touches a label (Section 4.3).
+    One that belongs to no label and lies outside the domain, or touches only labels that are not asked for,
+    counts neither way. One wholly in shadow is false unless it touches a label (Section 4.3).
     """
-    unpaired = np.asarray(~overlaps.belongs.any(axis=1))
+    unpaired = unmatched & ~overlaps.belongs.any(axis=1)
     hidden = overlaps.areas < SLIVER
     in_domain = ~hidden | (_shared(polygons, scene.view.domain, hidden) > SLIVER)
     touches_asked, touches_other = np.zeros(len(polygons), bool), np.zeros(len(polygons), bool)
@@ -183,9 +186,9 @@ def sort_unpaired(
     excused = (touches_other & ~touches_asked) | (hidden & (touches_asked | touches_other))
     not_counted = unpaired & (~in_domain | excused)
     judged = np.where(hidden, polygons, overlaps.parts)
-    open_question = unpaired & ~not_counted
-    ignored = open_question & (_shared(judged, scene.ignore, open_question) > 0.5 * shapely.area(judged))
-    return open_question & ~ignored, ignored, not_counted
+    ignorable = unmatched & ~not_counted
+    ignored = ignorable & (_shared(judged, scene.ignore, ignorable) > 0.5 * shapely.area(judged))
+    return unpaired & ~not_counted & ~ignored, ignored, not_counted
 
 
 def match(iou: FloatArray, label_ids: Sequence[str], threshold: float) -> list[tuple[int, int]]:
