@@ -51,7 +51,7 @@ class Detector(Section):
     """resolution: i_height = i_width = 2**k + 1, where those are not given"""
     i_height: Annotated[int, Field(ge=2, le=4097)] | None = None
     """resolution in r, instead of k"""
-    i_width: Annotated[int, Field(ge=1, le=4097)] | None = None
+    i_width: Annotated[int, Field(ge=2, le=4097)] | None = None
     """resolution in theta, instead of k"""
     delta_r: Annotated[float, Field(gt=1, le=1000)] = 1.1
     """growth of the intervals in r from row to row"""
@@ -346,9 +346,10 @@ def dotted_key(name: str) -> str:
 def set_parameter(configuration: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:
     """A copy of nested values in which the dotted key has another value."""
     head, _, rest = key.partition(".")
-    changed = dict(configuration)
-    changed[head] = set_parameter(dict(changed.get(head) or {}), rest, value) if rest else value
-    return changed
+    inner = configuration.get(head)
+    if rest:
+        value = set_parameter(inner if isinstance(inner, Mapping) else {}, rest, value)
+    return {**configuration, head: value}
 
 
 def validation_message(error: ValidationError) -> str:
@@ -366,9 +367,21 @@ def validation_message(error: ValidationError) -> str:
     return "; ".join(findings)
 
 
+class _Loader(yaml.SafeLoader):
+    """Refuses a key that is there twice, of which YAML would silently take the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for index, key in enumerate(keys):
+            if key in keys[:index]:
+                mark = node.value[index][0].start_mark
+                raise yaml.constructor.ConstructorError(None, None, f"{key} is there twice", mark)
+        return super().construct_mapping(node, deep)
+
+
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+        values = yaml.load(path.read_text(encoding="utf-8"), _Loader)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from error
     except yaml.YAMLError as error:

@@ -1,6 +1,7 @@
 """The detections format: GeoJSON of gaps and crossings, from `gapeval detect` or any other program."""
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import IO, Any, Literal
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.errors import ShapelyError
 from shapely.geometry.base import BaseGeometry
 
 from gapeval import __version__
@@ -126,12 +128,17 @@ def read_detections(path: Path) -> Detections:
             place = f"feature {index}"
             features.setdefault(int(feature["properties"]["stamp"]), []).append(feature)
         frames, repaired = [], 0
+        seen: set[int] = set()
         for index, entry in enumerate(document["frames"]):
             place = f"frame {index}"
-            frame, mended = _frame(entry, features.pop(int(entry["stamp"]), []))
+            stamp = int(entry["stamp"])
+            if stamp in seen:
+                raise ValueError(f"stamp {stamp} is there before")
+            seen.add(stamp)
+            frame, mended = _frame(entry, features.pop(stamp, []))
             frames.append(frame)
             repaired += mended
-    except (KeyError, TypeError, ValueError, AttributeError, shapely.errors.ShapelyError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError, ShapelyError) as error:
         what = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise DetectionsError(f"{path}: {place}: {what}") from error
     if features:
@@ -142,7 +149,7 @@ def read_detections(path: Path) -> Detections:
     return Detections(
         path=path,
         robot_frame=document["frame_id"].removeprefix("/"),
-        fixed_frame=document.get("fixed_frame"),
+        fixed_frame=str(document["fixed_frame"]).removeprefix("/") if document.get("fixed_frame") else None,
         log=str(log.get("name", path.stem)),
         log_sha256=str(log.get("sha256", "")),
         configuration=document.get("configuration"),
@@ -216,10 +223,41 @@ def geometry_json(geometry: BaseGeometry, plane: Plane | None = None) -> dict[st
 def _geometry(value: Any) -> BaseGeometry:
     if value.get("type") not in ("Polygon", "MultiPolygon"):
         raise ValueError(f"geometry is {value.get('type')}; expected Polygon or MultiPolygon")
+    if not _all_finite(value["coordinates"]):
+        raise ValueError("coordinates that are not finite numbers")
     geometry: BaseGeometry = shapely.force_2d(shapely.geometry.shape(value))
-    if not np.isfinite(shapely.get_coordinates(geometry)).all():
-        raise ValueError("coordinates that are not finite")
     return geometry
+
+
+def _all_finite(values: Any) -> bool:
+    """Whether nested lists hold nothing but finite numbers."""
+    if isinstance(values, list):
+        return all(_all_finite(value) for value in values)
+    return isinstance(values, int | float) and math.isfinite(values)
+
+
+def _region(value: Any) -> BaseGeometry | None:
+    """A domain or shadow, made valid; None where there is none."""
+    if not value:
+        return None
+    geometry = _geometry(value)
+    if geometry.is_valid:
+        return geometry
+    return shapely.make_valid(geometry, method="structure", keep_collapsed=False)
+
+
+def _plane(values: Any) -> Plane:
+    """ax + by + cz + d = 0, brought to unit length and upright."""
+    if values is None:
+        return robot_plane(0.0)
+    a, b, c, d = (float(value) for value in values)
+    length = math.sqrt(a * a + b * b + c * c)
+    if not math.isfinite(length + d) or abs(c) < 1e-6 * length or length == 0:
+        raise ValueError(f"plane {values} is no ground: [a, b, c, d] with finite numbers, and c other than 0")
+    if c > 0 and abs(length - 1) < 1e-12:  # as it was written, to the last bit
+        return Plane(a, b, c, d)
+    scale = math.copysign(1 / length, c)
+    return Plane(a * scale, b * scale, c * scale, d * scale)
 
 
 def _frame(entry: Any, features: list[Any]) -> tuple[DetectedFrame, int]:
@@ -228,15 +266,17 @@ def _frame(entry: Any, features: list[Any]) -> tuple[DetectedFrame, int]:
     broken = ~shapely.is_valid(polygons)
     polygons[broken] = shapely.make_valid(polygons[broken], method="structure", keep_collapsed=False)
     pose = entry.get("pose")
-    plane = Plane(*(float(value) for value in entry["plane"])) if entry.get("plane") else robot_plane(0.0)
+    plane = _plane(entry.get("plane"))
     x, y = (float(value) for value in entry.get("sensor") or (0.0, 0.0))
+    if not math.isfinite(x + y):
+        raise ValueError("sensor at no finite place")
     return DetectedFrame(
         stamp=int(entry["stamp"]),
         pose=Transform.of(pose["translation"], pose["rotation"]) if pose else None,
         plane=plane,
         gap_plane=plane,
-        domain=_geometry(entry["domain"]) if entry.get("domain") else None,
-        shadow=_geometry(entry["shadow"]) if entry.get("shadow") else None,
+        domain=_region(entry.get("domain")),
+        shadow=_region(entry.get("shadow")),
         origin=(x, y),
         polygons=polygons,
         crossings=[_crossings(index, feature["properties"]) for index, feature in enumerate(features)],

@@ -58,6 +58,22 @@ class Transform:
         return (points - self.translation) @ self.matrix
 
 
+def sensor_angles(mount: Transform, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Azimuth and elevation [rad] (...) at which a sensor sees places (..., 3) of the robot frame.
+
+    mount: robot<-sensor. Angles are in the sensor's own frame, but elevation is positive upwards also
+    for a sensor that hangs upside down.
+    """
+    ray = mount.apply_inverse(places)
+    elevation = np.arctan2(upright(mount) * ray[..., 2], np.hypot(ray[..., 0], ray[..., 1]))
+    return np.arctan2(ray[..., 1], ray[..., 0]), elevation
+
+
+def upright(mount: Transform) -> float:
+    """1 for a sensor whose z axis points up, -1 for one that hangs upside down."""
+    return 1.0 if mount.matrix[2, 2] >= 0 else -1.0
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One scan.

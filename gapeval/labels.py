@@ -228,7 +228,7 @@ def _stamp(value: Any, key: str) -> int | None:
     if value is None:
         return None
     try:
-        if isinstance(value, bool | float) and value != int(value):
+        if isinstance(value, bool) or (isinstance(value, float) and value != int(value)):
             raise ValueError
         return int(value)
     except (TypeError, ValueError, OverflowError):
@@ -238,8 +238,8 @@ def _stamp(value: Any, key: str) -> int | None:
 def _stamps(values: Any) -> tuple[frozenset[int] | None, list[Problem]]:
     if values is None:
         return None, []
-    if not isinstance(values, list):
-        return None, [Problem("file", "`stamps` is no list")]
+    if not isinstance(values, list) or None in values:
+        return None, [Problem("file", "`stamps` is no list of stamps")]
     try:
         return frozenset(stamp for value in values if (stamp := _stamp(value, "a stamp")) is not None), []
     except _FeatureError as refusal:
@@ -254,7 +254,9 @@ def _parts(geometry: Any) -> tuple[Rings, ...]:
     polygons = [coordinates] if kind == "Polygon" else coordinates
     if not isinstance(polygons, list) or not polygons:
         raise _FeatureError("no coordinates")
-    parts = tuple(tuple(_ring(ring) for ring in _listed(polygon)) for polygon in polygons)
+    parts = tuple(
+        tuple(_ring(ring) for ring in _listed(polygon, "a polygon without rings")) for polygon in polygons
+    )
     shape = _shape(parts)
     if not shape.is_valid:
         raise _FeatureError(f"not a valid polygon: {shapely.is_valid_reason(shape)}")
@@ -267,24 +269,27 @@ def _shape(parts: tuple[Rings, ...]) -> BaseGeometry:
     return polygons[0] if len(polygons) == 1 else shapely.MultiPolygon(polygons)
 
 
-def _listed(polygon: Any) -> list[Any]:
-    if not isinstance(polygon, list) or not polygon:
-        raise _FeatureError("a polygon without rings")
-    return polygon
+def _listed(values: Any, refusal: str) -> list[Any]:
+    if not isinstance(values, list) or not values:
+        raise _FeatureError(refusal)
+    return values
+
+
+def _position(values: Any) -> list[float]:
+    if not isinstance(values, list) or len(values) not in (2, 3):
+        raise _FeatureError("a vertex needs x, y and perhaps z")
+    if any(not isinstance(value, int | float) or isinstance(value, bool) for value in values):
+        raise _FeatureError("coordinates that are no numbers")
+    if not all(math.isfinite(value) for value in values):
+        raise _FeatureError("coordinates that are not finite")
+    return [float(value) for value in values]
 
 
 def _ring(positions: Any) -> FloatArray:
-    try:
-        rows = [[float(value) for value in position] for position in positions]
-    except (TypeError, ValueError):
-        raise _FeatureError("coordinates that are no numbers") from None
-    if any(len(row) not in (2, 3) for row in rows):
-        raise _FeatureError("a vertex needs x, y and perhaps z")
+    rows = [_position(position) for position in _listed(positions, "a ring without positions")]
     ring = np.array([row if len(row) == 3 else [*row, math.nan] for row in rows], dtype=np.float64).reshape(
         -1, 3
     )
-    if not np.isfinite(ring[:, :2]).all() or np.isinf(ring).any():
-        raise _FeatureError("coordinates that are not finite")
     if len(ring) < 4:
         raise _FeatureError(
             f"a ring of {len(ring)} positions; it takes at least 4, the last equal to the first"

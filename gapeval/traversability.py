@@ -303,7 +303,7 @@ def _observed_share(surface: Surface, ends: FloatArray, robot: Robot) -> FloatAr
 def _axes(hulls: Hulls, centre: FloatArray, covariance: FloatArray, eigenvector: int) -> Axes:
     """PCA: the wanted eigenvector (0: smallest eigenvalue, 1: largest), and the gap's extent along it."""
     values, vectors = np.linalg.eigh(covariance)
-    tie = values[:, 0] > TIE * values[:, 1]
+    tie = values[:, 0] >= TIE * values[:, 1]  # also if both are 0
     e_opt = vectors[:, :, eigenvector]
     e_opt = e_opt * np.where(e_opt[:, :1] < 0, -1.0, 1.0)  # an axis has no sign; fix one
     distance = np.hypot(centre[:, 0], centre[:, 1])[:, None]

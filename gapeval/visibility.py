@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from gapeval.config import BlindBelow, BodyBox, FieldOfView, Sensor
-from gapeval.frame import FloatArray, Frame, Plane, Transform
+from gapeval.frame import FloatArray, Frame, Plane, Transform, sensor_angles, upright
 
 AZIMUTH_STEP = np.deg2rad(0.5)  # of shadows, and of the outline of what a sensor sees
 ARC_STEPS = 360  # vertices of the half circle that bounds the domain
@@ -42,11 +42,9 @@ def looked_at(
 ) -> NDArray[np.bool_]:
     """Whether the sensor would see the plane at places (..., 2), robot frame [m], were nothing in the way."""
     ground = np.concatenate([places, plane.height(places)[..., None]], axis=-1)
-    ray = mount.apply_inverse(ground)
-    elevation = np.arctan2(ray[..., 2], np.hypot(ray[..., 0], ray[..., 1]))
+    azimuth, elevation = sensor_angles(mount, ground)
     seen: NDArray[np.bool_] = elevation >= lowest
     if fov is not None:
-        azimuth = np.arctan2(ray[..., 1], ray[..., 0])
         seen &= (elevation >= fov.elevation[0]) & (elevation <= fov.elevation[1])
         seen &= (azimuth >= fov.azimuth[0]) & (azimuth <= fov.azimuth[1])
     return seen
@@ -65,12 +63,12 @@ def domain(
     theta = np.linspace(-np.pi / 2, np.pi / 2, ARC_STEPS + 1)
     arc = np.column_stack([origin[0] + r_max * np.cos(theta), origin[1] + r_max * np.sin(theta)])
     box: BaseGeometry = shapely.intersection(shapely.Polygon(arc), shapely.box(x_min, -1e6, 1e6, 1e6))
-    low, high = max(lowest, fov.elevation[0] if fov else -np.inf), fov.elevation[1] if fov else np.pi / 2
-    azimuth = fov.azimuth if fov else (-np.pi, np.pi)
+    around = (-np.pi, np.pi)
+    low = max(lowest, fov.elevation[0]) if fov else lowest
     if low > -np.pi / 2:
-        box = shapely.difference(box, _ground_cone(plane, mount, (-np.pi, np.pi), low, 10 * r_max))
-    if high < 0 or azimuth[0] > -np.pi or azimuth[1] < np.pi:
-        box = shapely.intersection(box, _ground_cone(plane, mount, azimuth, high, 10 * r_max))
+        box = shapely.difference(box, ground_below(low, around, plane, mount, 10 * r_max))
+    if fov:
+        box = shapely.intersection(box, ground_below(fov.elevation[1], fov.azimuth, plane, mount, 10 * r_max))
     return areas_only(box)
 
 
@@ -125,27 +123,31 @@ def _merged_intervals(
     return bins[first], start[first], np.maximum.reduceat(end, first)
 
 
-def _ground_cone(
-    plane: Plane, mount: Transform, azimuth: tuple[float, float], elevation: float, far: float
+def ground_below(
+    elevation: float, azimuth: tuple[float, float], plane: Plane, mount: Transform, far: float
 ) -> BaseGeometry:
-    """The ground that rays of this or a lower elevation meet, as a polygon around the sensor's foot."""
-    steps = max(2, int(np.ceil((azimuth[1] - azimuth[0]) / AZIMUTH_STEP)) + 1)
+    """The ground that a sensor sees at no more than an elevation, between two azimuths [rad]; xy [m].
+
+    All ground of one azimuth lies on a line that begins where the sensor's z axis meets the plane, and
+    leads away parallel to the ray at the horizon. Cut `far` away.
+    """
+    steps = int(np.ceil((azimuth[1] - azimuth[0]) / AZIMUTH_STEP)) + 1
     theta = np.linspace(*azimuth, steps)
-    ray = np.column_stack(
-        [
-            np.cos(elevation) * np.cos(theta),
-            np.cos(elevation) * np.sin(theta),
-            np.full(steps, np.sin(elevation)),
-        ]
-    )
-    direction = ray @ mount.matrix.T
-    fall = -(direction @ np.array([plane.a, plane.b, plane.c]))
-    sensor_height = float(plane.distance(mount.translation[None, :])[0])
-    horizontal = np.hypot(direction[:, 0], direction[:, 1])
+    level = np.column_stack([np.cos(theta), np.sin(theta), np.zeros(steps)]) @ mount.matrix.T
+    up = upright(mount) * mount.matrix[:, 2]
+    normal = np.array([plane.a, plane.b, plane.c])
+    rise = max(float(up @ normal), 1e-6)  # a sensor on its side never quite is
+    horizon = np.arctan2(-(level @ normal), rise)
+    height = float(plane.distance(mount.translation[None, :])[0])
+    foot = mount.translation - up * height / rise
+    away = level * np.cos(horizon)[:, None] + up * np.sin(horizon)[:, None]
+    # By the sine rule in the triangle of sensor, foot and ground; at the horizon it has no end.
+    angle = np.minimum(elevation, np.pi / 2) + np.pi / 2
+    below = np.sin(horizon - (angle - np.pi / 2))
+    reach = far + float(np.hypot(*(foot - mount.translation)[:2]))
     with np.errstate(divide="ignore", invalid="ignore"):
-        distance = np.where(fall > 0, sensor_height / fall, np.inf)
-        distance = np.minimum(distance, far / horizontal)
-    rim = mount.translation[:2] + direction[:, :2] * distance[:, None]
+        distance = np.where(below > 0, height / rise * np.sin(angle) / below, np.inf)
+    rim = foot + away * np.minimum(distance, reach)[:, None]
     if azimuth[1] - azimuth[0] < 2 * np.pi - 1e-9:
-        rim = np.vstack([rim, mount.translation[:2]])
-    return shapely.make_valid(shapely.Polygon(rim))
+        rim = np.vstack([rim, foot])
+    return shapely.make_valid(shapely.Polygon(rim[:, :2]))

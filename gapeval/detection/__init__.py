@@ -55,7 +55,7 @@ def detect(
     grid = share(
         polar_grid, params.height, params.width, params.delta_r, params.r_max, pole(frame, params.origin)
     )
-    fit = share(supporting_plane, frame, params.plane, params.patch, params.x_min, robot.ground_z)
+    fit = share(supporting_plane, frame, params.plane, params.patch, params.x_min, robot.ground_z, robot.body)
     table = share(
         cell_table, frame, grid, fit.plane, params.z_min, params.z_max, robot.body, max(margin, reach)
     )

@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gapeval.config import Patch
+from gapeval.config import BodyBox, Patch
 from gapeval.frame import FloatArray, Frame, Plane, robot_plane
+from gapeval.visibility import without_body
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,21 +18,23 @@ class PlaneFit:
     fallback: str = ""
 
 
-def supporting_plane(frame: Frame, kind: str, patch: Patch, x_min: float, ground_z: float) -> PlaneFit:
+def supporting_plane(
+    frame: Frame, kind: str, patch: Patch, x_min: float, ground_z: float, body: BodyBox | None = None
+) -> PlaneFit:
     """Section 3.1.1: the plane that carries the robot, `plane: robot` or `plane: patch`."""
     if kind == "patch":
-        return patch_plane(frame, patch, x_min, ground_z)
+        return patch_plane(without_body(frame.points, body), patch, x_min, ground_z)
     return PlaneFit(robot_plane(ground_z))
 
 
-def patch_plane(frame: Frame, patch: Patch, x_min: float, ground_z: float) -> PlaneFit:
-    """`plane: patch`: a robust fit to the fixed area in front of the robot.
+def patch_plane(points: NDArray[np.float32], patch: Patch, x_min: float, ground_z: float) -> PlaneFit:
+    """`plane: patch`: a robust fit to the points (N, 3) in a fixed area in front of the robot.
 
     Least trimmed squares from the robot's plane: the nearest half of the points pulls the plane until
     it rests, then all points within 2.5 robust standard deviations. No chance in it: same points, same
     plane. Falls back to the robot's plane, with the reason, beyond the patch's limits.
     """
-    p: FloatArray = frame.points.astype(np.float64)
+    p: FloatArray = points.astype(np.float64)
     inside = (p[:, 0] >= x_min) & (p[:, 0] <= x_min + patch.depth) & (np.abs(p[:, 1]) <= patch.width / 2)
     reach = patch.max_offset + np.tan(patch.max_tilt) * np.hypot(patch.depth, patch.width) / 2
     p = p[inside & (np.abs(p[:, 2] - ground_z) <= reach)]

@@ -41,6 +41,9 @@ def whole_files(folder: Path, names: tuple[str, ...]) -> Iterator[dict[str, IO[s
         for name, path in unfinished.items():
             path.replace(folder / name)
     except OSError as error:
+        ours = {str(path) for path in (*unfinished.values(), *(folder / name for name in names))}
+        if error.filename is not None and str(error.filename) not in ours:
+            raise  # of something else that happened meanwhile
         raise GapevalError(f"{folder}: cannot write: {error.strerror}") from error
     finally:
         for path in unfinished.values():

@@ -62,18 +62,21 @@ def score_detections(
 def at_labelled_stamps(
     frames: Sequence[DetectedFrame], labels: Labels, tolerance: int
 ) -> tuple[list[DetectedFrame], int]:
-    """The frames, those near a labelled stamp moved to it, and how many labelled stamps found none."""
+    """The frames, the nearest to each labelled stamp moved to it, and how many labelled stamps found none."""
     if labels.stamps is None:
         return list(frames), 0
-    left = set(labels.stamps)
-    moved = []
-    for frame in frames:
-        nearest = min(left, key=lambda stamp: abs(stamp - frame.stamp), default=None)
-        if nearest is not None and abs(nearest - frame.stamp) <= tolerance:
-            left.discard(nearest)
-            frame = replace(frame, stamp=nearest)
-        moved.append(frame)
-    return moved, len(left)
+    near = sorted(
+        (abs(stamp - frame.stamp), stamp, index)
+        for index, frame in enumerate(frames)
+        for stamp in labels.stamps
+        if abs(stamp - frame.stamp) <= tolerance
+    )
+    taken: dict[int, int] = {}  # index of a frame -> stamp
+    for _, stamp, index in near:
+        if index not in taken and stamp not in taken.values():
+            taken[index] = stamp
+    moved = [replace(frame, stamp=taken.get(index, frame.stamp)) for index, frame in enumerate(frames)]
+    return moved, len(labels.stamps) - len(taken)
 
 
 def with_domain(frame: DetectedFrame, detections: Detections, config: Config) -> DetectedFrame:

@@ -24,12 +24,12 @@ MANIFEST = "manifest.json"
 
 @dataclass(slots=True)
 class Totals:
-    """Sums by log and configuration, and the seconds of each stage by log."""
+    """Sums by log (None: all together) and configuration, and the seconds of each stage by log."""
 
-    sums: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    sums: dict[str | None, dict[str, dict[str, float]]] = field(default_factory=dict)
     stages: dict[tuple[str, str], list[tuple[float, int]]] = field(default_factory=dict)
 
-    def of(self, log: str, configuration: str) -> dict[str, float]:
+    def of(self, log: str | None, configuration: str) -> dict[str, float]:
         return self.sums.setdefault(log, {}).setdefault(configuration, {})
 
 
@@ -55,7 +55,7 @@ class Store:
                 self._write("labels.csv", where | row)
             for row in tables.gap_rows(answer):
                 self._write(GAPS, where | row)
-            for name in (log, ALL):
+            for name in (log, None):
                 add(self._totals.of(name, point.id), answer.sums)
         for stage, seconds in spent.items():
             self._totals.stages.setdefault((log, stage), []).append(
@@ -65,12 +65,12 @@ class Store:
     def finish(self, config: Config, manifest: Mapping[str, Any], logs: Sequence[str]) -> None:
         """The files that need all frames: summary, timing, configuration and manifest."""
         summary = _table(self._files["summary.csv"], tables.SUMMARY)
-        for log in (*logs, ALL):
+        for log in (*logs, None):
             best = self.ranked(log)[:1]
             for point in self.points:
                 sums = self._totals.of(log, point.id)
                 chosen = point in best and len(self.points) > 1
-                row = {"log": log, "configuration": point.id, "best": True if chosen else None}
+                row = {"log": log or ALL, "configuration": point.id, "best": True if chosen else None}
                 row |= point.parameters | tables.figures_row(sums) | tables.sums_row(sums)
                 summary.writerow(_cells(row))
         timing = _table(self._files["timing.csv"], tables.TIMING)
@@ -80,7 +80,7 @@ class Store:
         json.dump(manifest, self._files[MANIFEST], indent=2, ensure_ascii=False)
         self._files[MANIFEST].write("\n")
 
-    def ranked(self, log: str = ALL) -> list[Point]:
+    def ranked(self, log: str | None = None) -> list[Point]:
         """The configurations, best first: most hits, then fewest false gaps, then pq, then coverage.
 
         Empty where no label was asked for.
@@ -99,7 +99,7 @@ class Store:
         """The files that are written."""
         return tuple(self._files)
 
-    def sums(self, point: Point, log: str = ALL) -> dict[str, float]:
+    def sums(self, point: Point, log: str | None = None) -> dict[str, float]:
         return self._totals.of(log, point.id)
 
     def _write(self, file: str, row: Mapping[str, Any]) -> None:

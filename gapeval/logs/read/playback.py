@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.errors import LogError
-from gapeval.frame import Frame, Transform
+from gapeval.frame import Frame, Transform, sensor_angles
 from gapeval.logs.read.cloud import UnreadableCloudError, cloud_points, transformed
 from gapeval.logs.read.container import Container, Raw, Topic
 from gapeval.logs.read.message import UndecodableError, decode
@@ -56,8 +56,7 @@ def measure_lowest_elevation(recording: Recording) -> float:
         if isinstance(item, RefusedScan):
             unreadable[item.reason] += 1
             continue
-        x, y, z = item.sensor.apply_inverse(item.points.astype(np.float64)).T
-        elevations.append(np.arctan2(z, np.hypot(x, y)))
+        elevations.append(sensor_angles(item.sensor, item.points.astype(np.float64))[1])
         if len(elevations) == FIRST_CLOUDS:
             break
     if not elevations:
