@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -136,6 +137,24 @@ class Robot(Section):
     body: BodyBox | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Distances [m] of the crossing rules, with the robot's own size for what they leave open."""
+
+    d_r: float
+    standoff: float
+    clearance: float
+
+
+def limits(rules: CrossingRules, robot: Robot) -> Limits:
+    """d_r is about what a body crosses: half its length."""
+    return Limits(
+        d_r=robot.length / 2 if rules.d_r is None else rules.d_r,
+        standoff=robot.length / 2 if rules.standoff is None else rules.standoff,
+        clearance=robot.width / 2 if rules.clearance is None else rules.clearance,
+    )
+
+
 class BlindBelow(Section):
     """A blind zone of one's own."""
 
@@ -254,10 +273,11 @@ class Configuration(Section):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The canonical parameters, as JSON values: with i_height and i_width in place of k."""
+        """The canonical parameters, as JSON values: i_height and i_width for k, and no distance left open."""
         values: dict[str, Any] = json.loads(self.model_dump_json())
         del values["detector"]["k"]
         values["detector"] |= {"i_height": self.detector.height, "i_width": self.detector.width}
+        values["crossing"] |= asdict(limits(self.crossing, self.robot))
         return values
 
     @property

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from gapeval.config import CrossingRules, Robot
+from gapeval.config import CrossingRules, Robot, limits
 from gapeval.detection import Detection, Share, Surface, alone
 from gapeval.detection.contours import Gap, Gaps
 from gapeval.detection.grid import cell_polygons, cells, corners, midpoints, row_edges
@@ -184,7 +184,7 @@ def poses(axes: Axes, robot: Robot, rules: CrossingRules) -> tuple[FloatArray, F
     if rules.eta is not None:
         low, high = np.full_like(axes.low, -rules.eta), np.full_like(axes.high, rules.eta)
     else:
-        standoff = robot.length / 2 if rules.standoff is None else rules.standoff
+        standoff = limits(rules, robot).standoff
         low, high = axes.low - standoff, axes.high + standoff
     one, other = axes.centre + low[:, None] * axes.e_opt, axes.centre + high[:, None] * axes.e_opt
     swapped = (np.hypot(*one.T) > np.hypot(*other.T))[:, None]
@@ -201,9 +201,8 @@ def reasons_against(
     rules: CrossingRules,
 ) -> list[str]:
     """The first of too_long, gap, obstacle, own_gap, clipped, unobserved that applies to a gap, or empty."""
-    d_r = robot.length / 2 if rules.d_r is None else rules.d_r
-    clearance = robot.width / 2 if rules.clearance is None else rules.clearance
-    short = np.flatnonzero(axes.length <= d_r)
+    clearance = limits(rules, robot).clearance
+    short = np.flatnonzero(axes.length <= limits(rules, robot).d_r)
     reasons = ["too_long"] * len(gaps)
     if len(short) == 0:
         return reasons

@@ -420,6 +420,15 @@ def test_every_parameter_is_in_the_id(change):
     assert Configuration.model_validate(change).id != Configuration().id
 
 
+def test_a_distance_left_open_is_its_default_spelled_out():
+    robot = Robot(length=1.0, width=0.5)
+    left_open = Configuration(robot=robot)
+    spelled = Configuration(robot=robot, crossing=CrossingRules(d_r=0.5, standoff=0.5, clearance=0.25))
+    assert left_open.id == spelled.id
+    assert left_open.id != Configuration(robot=robot, crossing=CrossingRules(d_r=0.34)).id
+    assert left_open.id != Configuration(robot=robot, crossing=CrossingRules(eta=0.5)).id
+
+
 def test_integers_and_floats_that_are_equal_have_equal_ids():
     assert changed(r_max=3, x_min=1) == changed(r_max=3.0, x_min=1.0)
 
@@ -501,3 +510,9 @@ scoring: {iou: 0.5, hit_coverage: 0.5}
     config = load(text)
     assert len(configurations(config)) == 81
     assert yaml.safe_load(config.to_yaml())["grid"]["detector.k"] == [5, 6, 7]
+
+
+def test_a_distance_that_is_spelled_out_is_the_same_configuration():
+    spelled = CrossingRules(d_r=0.34, standoff=0.34, clearance=0.25)
+    assert Configuration(crossing=spelled).id == Configuration().id
+    assert Configuration(robot=Robot(length=1.0)).parameters["crossing"]["d_r"] == 0.5

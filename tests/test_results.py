@@ -120,7 +120,7 @@ def test_parameters_stand_beside_the_configuration(tmp_path):
         "delta_r": "1.02",
         "z_min": "inf",
         "eta": "0.1",
-        "d_r": "",
+        "d_r": "0.34",
         "n_o": "1",
     }
 

@@ -181,6 +181,32 @@ def test_a_field_of_view_in_azimuth_alone(pitch):
     assert not found.contains(shapely.Point(2.0, 2.0))
 
 
+@settings(RANDOM, max_examples=30)
+@given(
+    st.builds(mount, height=st.floats(0.4, 2.0), roll=st.floats(2.8, 3.4), pitch=TILT, yaw=st.floats(-3, 3)),
+    LOWEST,
+    views(),
+)
+def test_the_domain_of_a_sensor_that_hangs_upside_down_is_what_it_looks_at(sensor, lowest, fov):
+    assert_domain_is_what_is_looked_at(sensor, GROUND, lowest, fov)
+
+
+def test_elevations_of_a_sensor_that_hangs_upside_down_are_positive_upwards():
+    places = random_places()
+    fov = FieldOfView(elevation=(-0.6, -0.2))
+    upright = looked_at(places, GROUND, mount(), -0.5, fov)
+    hanging = looked_at(places, GROUND, mount(roll=math.pi), -0.5, fov)
+    assert (upright == hanging).all()
+    assert 0 < upright.sum() < len(places)
+
+
+def test_azimuths_of_a_sensor_that_hangs_upside_down_go_the_other_way_round():
+    left = FieldOfView(azimuth=(0.1, 1.0))
+    places = np.array([[1.0, 1.0], [1.0, -1.0]])
+    assert looked_at(places, GROUND, mount(), STRAIGHT_DOWN, left).tolist() == [True, False]
+    assert looked_at(places, GROUND, mount(roll=math.pi), STRAIGHT_DOWN, left).tolist() == [False, True]
+
+
 def test_the_domain_of_a_sensor_that_sees_all_is_the_paper_s_box():
     found = domain(0.6, 3.0, (0.0, 0.0), GROUND, mount(), STRAIGHT_DOWN, None)
     segment = 9 * math.acos(0.2) - 0.6 * math.sqrt(9 - 0.36)  # of the disk of radius 3 beyond x = 0.6

@@ -1,10 +1,10 @@
 """The columns of the CSV files; names are the same in every file and in docs/results.md."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from gapeval.config import Configuration, CrossingRules, Detector
+from gapeval.config import Configuration, CrossingRules, Detector, limits
 from gapeval.detections import METHODS, crossing_properties
 from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS, figures
 from gapeval.sweep.evaluation import Answer
@@ -102,7 +102,8 @@ def parameters(configuration: Configuration) -> Row:
     row: Row = {"k": detector.k if decides else None}
     row |= {"i_height": detector.height, "i_width": detector.width}
     row |= {name: getattr(detector, name) for name in DETECTOR if name not in row}
-    return row | {name: getattr(crossing, name) for name in CROSSING}
+    distances = asdict(limits(crossing, configuration.robot))
+    return row | {name: getattr(crossing, name) for name in CROSSING} | distances
 
 
 def sums_row(sums: dict[str, float]) -> Row:
