@@ -233,12 +233,15 @@ def is_seen(scene: Scene, place: Place) -> bool:
 
 
 def looking(scene: Scene, place: Place) -> tuple[float, float]:
-    """Elevation and azimuth [rad] of the plane at a place, in the sensor frame."""
+    """Elevation and azimuth [rad] of the plane at a place, in the sensor frame; for a sensor that hangs
+    upside down, elevation is nevertheless positive upwards."""
     a, b, c, d = scene.plane
     ground = (place[0], place[1], -(a * place[0] + b * place[1] + d) / c)
     offset = [g - t for g, t in zip(ground, scene.mount.translation, strict=True)]
     x, y, z = rotated_back(scene.mount.quaternion, offset)
-    return math.atan2(z, math.sqrt(x * x + y * y)), math.atan2(y, x)
+    qx, qy = scene.mount.quaternion[:2]
+    hangs = qx * qx + qy * qy > 0.5  # 1 - 2 (qx qx + qy qy) is how far the sensor's z axis points up
+    return math.atan2(-z if hangs else z, math.sqrt(x * x + y * y)), math.atan2(y, x)
 
 
 def rotated_back(quaternion: Sequence[float], v: Sequence[float]) -> list[float]:

@@ -63,7 +63,7 @@ def detectors(draw):
 
 @st.composite
 def mounts(draw):
-    """Where the sensor is; level, or turned anyhow."""
+    """Where the sensor is; level, leaning in any direction, or hanging upside down."""
     translation = draw(st.tuples(between(-0.5, 0.8), between(-0.4, 0.4), between(0.3, 1.2)))
     if draw(st.booleans()):
         return naive.Mount(translation, (0.0, 0.0, 0.0, 1.0))
@@ -71,7 +71,10 @@ def mounts(draw):
     angle = draw(between(-0.6, 0.6))
     assume(np.linalg.norm(axis) > 0.1)
     x, y, z = (np.sin(angle / 2) * axis / np.linalg.norm(axis)).tolist()
-    return naive.Mount(translation, (x, y, z, math.cos(angle / 2)))
+    w = math.cos(angle / 2)
+    if draw(st.booleans()):  # turned around its x axis first
+        x, y, z, w = w, z, -y, -x
+    return naive.Mount(translation, (x, y, z, w))
 
 
 def planes():
