@@ -14,7 +14,7 @@ TRENCH = shapely.box(2.3, -5.0, 3.5, 5.0)
 
 
 def rolling_laser(seed: int) -> Frame:
-    """One pass of a LMS-151 (541 beams, 131 scans, sigma 1 cm) over flat ground with a trench without echo."""
+    """One pass of a LMS-151 (541 beams, 131 scans, sigma 1 cm) over flat ground and a trench without echo."""
     random = np.random.default_rng(seed)
     beam, roll = np.meshgrid(
         np.deg2rad(np.arange(-135.0, 135.01, 0.5)), np.deg2rad(np.linspace(-90, 90, 131))

@@ -235,6 +235,12 @@ def test_a_rotation_is_normalised(tmp_path):
     assert one.pose.quaternion.tolist() == pytest.approx([0, 0, 0.6, 0.8])
 
 
+@pytest.mark.parametrize("plane", [[0, 0, 2, -1], [0, 0, -1, 0.5], [0, 0, -4.0, 2]])
+def test_a_plane_is_brought_to_unit_length_and_upright(tmp_path, plane):
+    (one,) = read_detections(foreign(tmp_path, frames=[{"stamp": 1, "plane": plane}])).frames
+    assert one.plane == Plane(0.0, 0.0, 1.0, -0.5)
+
+
 def test_vertices_may_have_a_z(tmp_path):
     raised = {"type": "Polygon", "coordinates": [[[0, 0, 5], [2, 0, 5], [2, 1, 5], [0, 0, 5]]]}
     (one,) = read_detections(foreign(tmp_path, features=with_geometry(raised))).frames
