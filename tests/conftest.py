@@ -1,9 +1,11 @@
 """What all tests share."""
 
 import os
+from functools import partial
 from pathlib import Path
 
 import pytest
+from logs_writer import write_sorted
 
 
 @pytest.fixture(scope="session")
@@ -13,3 +15,9 @@ def real_data() -> Path:
     if not folder:
         pytest.skip("GAPEVAL_DATA is not set: no real logs to test on")
     return Path(folder)
+
+
+@pytest.fixture
+def log(tmp_path):
+    """Writes a log of records, sorted by time; returns its path."""
+    return partial(write_sorted, tmp_path / "log")

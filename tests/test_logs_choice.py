@@ -1,9 +1,8 @@
 """Topics, frames and poses pick themselves, or one line lists the candidates."""
 
-from functools import partial
-
 import numpy as np
 import pytest
+from logs_checks import frames_of, line
 from logs_writer import (
     HERE,
     POINTS,
@@ -18,36 +17,11 @@ from logs_writer import (
     static_record,
     tf_record,
     write_records,
-    write_sorted,
     yaw_quaternion,
 )
 
 from gapeval.config import LogSection, StaticTransform
-from gapeval.errors import LogError
-from gapeval.logs.read import describe, read_frames, read_recording
-
-
-@pytest.fixture
-def log(tmp_path):
-    return partial(write_sorted, tmp_path / "log")
-
-
-def line(path, settings=None):
-    """The one line that a log is refused with, which `describe` gives as well."""
-    settings = settings or LogSection()
-    with pytest.raises(LogError) as caught:
-        read_recording(path, settings)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert text.startswith(f"{path}: ")
-    assert describe(path, settings).problem == text
-    return text.removeprefix(f"{path}: ")
-
-
-def frames_of(path, settings=None):
-    recording = read_recording(path, settings or LogSection())
-    return list(read_frames(recording, 0, recording.matched))
-
+from gapeval.logs.read import read_frames, read_recording
 
 # Choosing topics
 

@@ -2,10 +2,9 @@
 
 import math
 import pickle
-from functools import partial
 
 import numpy as np
-import pytest
+from logs_checks import frames_of, line
 from logs_writer import (
     HERE,
     POINTS,
@@ -21,37 +20,12 @@ from logs_writer import (
     stamps,
     static_record,
     write_log,
-    write_sorted,
     yaw_quaternion,
 )
 
 from gapeval.config import LogSection, StaticTransform
-from gapeval.errors import LogError
 from gapeval.frame import Frame
 from gapeval.logs.read import RefusedScan, describe, frame_digest, read_frames, read_recording, render
-
-
-@pytest.fixture
-def log(tmp_path):
-    return partial(write_sorted, tmp_path / "log")
-
-
-def line(path, settings=None):
-    """The one line that a log is refused with, which `describe` gives as well."""
-    settings = settings or LogSection()
-    with pytest.raises(LogError) as caught:
-        read_recording(path, settings)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert text.startswith(f"{path}: ")
-    assert describe(path, settings).problem == text
-    return text.removeprefix(f"{path}: ")
-
-
-def frames_of(path, settings=None):
-    recording = read_recording(path, settings or LogSection())
-    return list(read_frames(recording, 0, recording.matched))
-
 
 # What a recording is
 
