@@ -124,6 +124,14 @@ class BodyBox(Section):
     z: Interval
     """m, [low, high]"""
 
+    @model_validator(mode="after")
+    def intervals_are_ordered(self) -> Self:
+        for name in "xyz":
+            low, high = getattr(self, name)
+            if low > high:
+                raise ValueError(f"{name} must be [low, high], not [{low}, {high}]")
+        return self
+
 
 class Robot(Section):
     """The robot."""
@@ -484,5 +492,5 @@ def _suggestion(name: str) -> str:
         for model in _nested_models(Config, section)
         for key in model.model_fields
     }
-    close = difflib.get_close_matches(name.rpartition(".")[2], known, n=1)
+    close = difflib.get_close_matches(name.rpartition(".")[2], known, n=1, cutoff=0.65)
     return f"; did you mean {known[close[0]]}?" if close else ""

@@ -15,6 +15,7 @@ from gapeval.detections import Crossing, Method
 from gapeval.frame import FloatArray, Plane
 
 TIE = 0.95  # ratio of eigenvalues above which a shape has no direction of its own
+ROUNDING = 1e-9  # what differs by less is equal
 FOOTPRINT = 9, 7  # samples of a footprint along and across
 
 
@@ -187,7 +188,7 @@ def poses(axes: Axes, robot: Robot, rules: CrossingRules) -> tuple[FloatArray, F
         standoff = limits(rules, robot).standoff
         low, high = axes.low - standoff, axes.high + standoff
     one, other = axes.centre + low[:, None] * axes.e_opt, axes.centre + high[:, None] * axes.e_opt
-    swapped = (np.hypot(*one.T) > np.hypot(*other.T))[:, None]
+    swapped = (np.hypot(*one.T) > np.hypot(*other.T) + ROUNDING)[:, None]
     return np.where(swapped, other, one), np.where(swapped, one, other)
 
 
@@ -304,7 +305,9 @@ def _axes(hulls: Hulls, centre: FloatArray, covariance: FloatArray, eigenvector:
     values, vectors = np.linalg.eigh(covariance)
     tie = values[:, 0] >= TIE * values[:, 1]  # also if both are 0
     e_opt = vectors[:, :, eigenvector]
-    e_opt = e_opt * np.where(e_opt[:, :1] < 0, -1.0, 1.0)  # an axis has no sign; fix one
+    # An axis has no sign; fix one that rounding cannot turn.
+    backwards = (e_opt[:, 0] < -ROUNDING) | ((np.abs(e_opt[:, 0]) <= ROUNDING) & (e_opt[:, 1] < 0))
+    e_opt = e_opt * np.where(backwards, -1.0, 1.0)[:, None]
     distance = np.hypot(centre[:, 0], centre[:, 1])[:, None]
     away = np.where(distance > 0, centre / np.where(distance > 0, distance, 1.0), np.array([1.0, 0.0]))
     e_opt = np.where(tie[:, None], away, e_opt)

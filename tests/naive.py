@@ -18,6 +18,7 @@ Point = tuple[float, float, float]
 Cell = tuple[int, int]  # row, column
 Image = list[list[bool]]
 
+SMALLEST_ROW = 1e-6  # m
 TOO_CLOSE = 1e-9
 # The box in z is compared in the points' own precision, which is float32.
 TOO_CLOSE_IN_Z = 1e-6
@@ -213,7 +214,11 @@ def quadrilateral(scene: Scene, cell: Cell) -> list[Place]:
 def cells_seen(scene: Scene) -> Image:
     edges = radii(scene, scene.rows)
     return [
-        [is_seen(scene, midpoint(scene, edges, (row, column))) for column in range(scene.params.width)]
+        [
+            edges[row + 1] - edges[row] >= SMALLEST_ROW
+            and is_seen(scene, midpoint(scene, edges, (row, column)))
+            for column in range(scene.params.width)
+        ]
         for row in range(scene.rows)
     ]
 

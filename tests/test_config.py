@@ -1,5 +1,7 @@
 """Parameters: what is refused and how it is said, who wins, the way through YAML, ids and grids."""
 
+import hashlib
+import json
 import math
 import re
 
@@ -390,6 +392,12 @@ def test_ids_are_12_hex_digits_and_do_not_depend_on_the_order_of_keys(configurat
 @given(POINTS, POINTS)
 def test_other_parameters_have_another_id(one, other):
     assert (one.id == other.id) == (one.parameters == other.parameters)
+
+
+def test_an_id_is_of_the_canonical_parameters_with_their_keys_sorted():
+    text = json.dumps(Configuration().parameters, sort_keys=True, separators=(",", ":"))
+    assert text.startswith('{"crossing":{"clearance":0.25,"d_r":0.34,"eta":null,')
+    assert Configuration().id == hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def changed(**detector):

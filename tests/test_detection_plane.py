@@ -90,15 +90,23 @@ def test_a_gap_and_outliers_do_not_pull_the_plane(pitch, roll, seed, depth):
 
 
 def test_only_the_patch_counts():
-    """What lies beside, before and behind the patch may be anything."""
-    rng = np.random.default_rng(1)
-    points = sloped(rng, pitch=0.1)
+    """What lies beside, before and behind the patch may be anything, level ground for one."""
+    points = sloped(np.random.default_rng(1), pitch=0.1)
     elsewhere = (points[:, 0] < 0.6) | (points[:, 0] > 1.6) | (np.abs(points[:, 1]) > 0.5)
-    assert elsewhere.sum() > 400
-    points[elsewhere, 2] = rng.uniform(-0.2, 0.2, elsewhere.sum())
+    points[elsewhere, 2] = GROUND_Z
     assert angle_between(fit(points).plane, normal_of(0.1, 0.0)) < 1e-5
-    wider = fit(points, Patch(depth=1.6, width=2.0))
-    assert angle_between(wider.plane, normal_of(0.1, 0.0)) > 1e-3
+    for larger in (Patch(width=2.0), Patch(depth=3.0)):
+        assert angle_between(fit(points, larger).plane, [0, 0, 1]) < 0.01
+
+
+def test_what_lies_beyond_the_limits_does_not_count():
+    """A tunnel's roof, or the floor of a deep hole, though it holds most of the points."""
+    rng = np.random.default_rng(1)
+    for height in (2.5, -1.0):
+        other = sloped(rng, count=2400, offset=height)
+        found = fit(np.vstack([sloped(rng, pitch=0.1), other]))
+        assert found.fallback == ""
+        assert angle_between(found.plane, normal_of(0.1, 0.0)) < 1e-5
 
 
 def test_the_patch_begins_at_x_min():

@@ -13,6 +13,7 @@ from shapely import affinity
 from gapeval import assess, detect
 from gapeval.config import BodyBox, Configuration, CrossingRules, Detector, FieldOfView, Robot, Sensor
 from gapeval.detection.contours import Gaps
+from gapeval.detection.surface import Mask
 from gapeval.frame import Frame, Transform
 from gapeval.sweep.grid import common_margin
 from gapeval.sweep.memory import Memory
@@ -169,6 +170,32 @@ def test_sharing_confuses_no_parameter(one, other):
     expected = [result(frame, configuration) for configuration in found]
     assert [result(frame, configuration, memory, margin) for configuration in found] == expected
     assert expected[0] != expected[1]  # so that confusing them would show
+
+
+def test_memory_keeps_steps_and_arguments_apart():
+    memory, done = Memory(), []
+
+    def one(x, y=0):
+        done.append((x, y))
+        return x + y
+
+    def other(x, y=0):
+        return -one(x, y)
+
+    assert [memory(one, 1), memory(other, 1), memory(one, 1), memory(other, 1)] == [1, -1, 1, -1]
+    assert [memory(one, 1, y=2), memory(one, 2, 1), memory(one, 2, y=1), memory(one, 1, y=2)] == [3, 3, 3, 3]
+    assert done == [(1, 0), (1, 0), (1, 2), (2, 1), (2, 1)]
+    assert {name: len(times) for name, times in memory.spent.items()} == {"one": 4, "other": 1}
+
+
+def test_masks_are_equal_by_their_cells():
+    """A sweep looks contours up by them."""
+    cells = np.eye(3, dtype=np.bool_)
+    assert Mask(cells) == Mask(cells.copy())
+    assert hash(Mask(cells)) == hash(Mask(cells.copy()))
+    assert Mask(cells) != Mask(cells[::-1])
+    assert Mask(cells[:1]) != Mask(cells[:1].T)
+    assert Mask(cells) != cells
 
 
 def without_doubt(points, detector):

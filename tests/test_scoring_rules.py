@@ -454,6 +454,17 @@ def test_around_the_robot_a_shadow_reaches_to_the_end_of_the_domain_too():
     assert seen.domain.contains(shapely.Point(4.99, 0.0))
 
 
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_hairlines_between_the_bins_of_a_shadow_show_nothing(seed):
+    rough = np.random.default_rng(seed).uniform(2.0, 2.05, 900)
+    wall = np.vstack([post(x, y, 0.0, 1.5) for x, y in zip(rough, np.linspace(-1.5, 1.5, 900), strict=True)])
+    rules = Scoring(min_visible=MinVisible(share=0, area=0))
+    seen = view(frame(wall), Domain(x_min=0.5, r_max=5), "sensor", Configuration(), rules)
+    (found,) = placed(seen.domain, [label("p", box(3.03, -0.71, 4.1, 0.83))], seen.shadow, rules).labels
+    assert (found.state, found.asked) == ("shadowed", False)
+    assert found.range == pytest.approx(3.03, abs=1e-12)
+
+
 def test_labels_are_placed_by_the_pose():
     pit = label("p", box(12, 0, 14, 1), start=None, end=None)
     pit = type(pit)("p", "gap", "map", pit.parts)

@@ -554,6 +554,19 @@ def test_clipped_where_the_gap_may_go_on_along_the_way(unknown, place, expected)
 
 
 @UNKNOWN
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("near", "far", "expected"), [(0.95, 1.05, {"clipped"}), (0.3, 0.5, {""})])
+def test_the_way_is_where_the_middle_of_the_gap_is(unknown, side, near, far, expected):
+    """Not straight before the robot: this trench is crossed at y = 1, or -1."""
+
+    def beside(x0, x1, y0, y1):
+        return (x0, min(side * y0, side * y1), x1, max(side * y0, side * y1))
+
+    detection = scene(beside(1.5, 1.75, 0.2, 1.8), **{unknown: [beside(1.75, 1.95, near, far)]})
+    assert reasons(detection, min_observed=0.0) == expected
+
+
+@UNKNOWN
 def test_clipped_by_a_cell_wider_than_the_robot(unknown):
     """Both its corners lie beside the way, which crosses it nevertheless."""
     hole = (1.5, -0.8, 1.75, 0.75)  # its middle is not at the edge of a column
@@ -568,8 +581,9 @@ def test_clipped_by_the_image_itself():
     rim = scene((3.82, -0.6, 4.1, 0.6))
     assert reasons(rim, min_observed=0.0) == {"clipped"}
     assert reasons(rim, rules="paper") == {""}
-    beside = scene((-0.1, 1.0, 0.25, 1.25))
-    assert reasons(beside, min_observed=0.0) == {"clipped"}
+    for low, high in [(1.0, 1.25), (-1.25, -1.0)]:
+        beside = scene((-0.1, low, 0.25, high))
+        assert reasons(beside, min_observed=0.0) == {"clipped"}
 
 
 def test_what_is_shaded_but_has_ground_is_known():
@@ -694,6 +708,6 @@ def test_yaw_leads_from_start_to_end(r, azimuth, angle):
     for crossing in assess(detection, ROBOT, CrossingRules(d_r=1.0)):
         assert isinstance(crossing, Crossing)
         along = np.array(crossing.end) - np.array(crossing.start)
-        assert np.hypot(*crossing.start[:2]) <= np.hypot(*crossing.end[:2])
+        assert np.hypot(*crossing.start[:2]) <= np.hypot(*crossing.end[:2]) + 1e-9
         assert crossing.yaw == pytest.approx(math.atan2(along[1], along[0]), abs=1e-9)
         assert np.hypot(*along[:2]) == pytest.approx(crossing.length + 0.68)

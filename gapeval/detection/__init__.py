@@ -4,15 +4,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ParamSpec, Protocol, TypeVar
 
+import numpy as np
+
 from gapeval.config import Configuration, FieldOfView
 from gapeval.detection.contours import Gap, Gaps, find_contours
-from gapeval.detection.grid import PolarGrid, midpoints, polar_grid
+from gapeval.detection.grid import PolarGrid, midpoints, polar_grid, row_edges
 from gapeval.detection.plane import supporting_plane
 from gapeval.detection.surface import Mask, Surface, binary_image, cell_table, morphology, surface
 from gapeval.frame import Frame, Plane
 from gapeval.visibility import in_box, looked_at, lowest_ray
 
 __all__ = ["Detection", "Gap", "Gaps", "PolarGrid", "Share", "Surface", "alone", "detect"]
+
+SMALLEST_ROW = 1e-6  # m; extreme heights and delta_r have rows at the pole that geometry cannot measure
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -84,4 +88,5 @@ def cells_seen(
     """Cells (height - 1, width) of the box whose midpoint the sensor looks at; the rest can be no gap."""
     places = midpoints(grid)
     in_view = looked_at(places, plane, frame.sensor, lowest, fov)
-    return Mask(in_box(places, x_min, grid.origin, grid.r_max) & in_view)
+    measurable = np.diff(row_edges(grid, grid.rows))[:, None] >= SMALLEST_ROW
+    return Mask(in_box(places, x_min, grid.origin, grid.r_max) & in_view & measurable)

@@ -159,6 +159,6 @@ def _near(
     x, y, z = points[:, 0], points[:, 1], points[:, 2]
     kept = (x >= grid.origin[0] + behind) & (x <= grid.origin[0] + reach)
     kept &= np.abs(y - np.float32(grid.origin[1])) <= reach + 1e-3
-    kept &= (z >= -z_min) & (z <= z_max)
+    kept &= (z >= np.float64(-z_min)) & (z <= np.float64(z_max))  # not rounded to float32
     near: NDArray[np.float32] = points[kept]
     return near

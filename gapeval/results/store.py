@@ -133,8 +133,8 @@ def open_store(folder: Path, points: Sequence[Point], with_gaps: bool = False) -
     names = ("summary.csv", "frames.csv", "labels.csv", *gaps, "timing.csv", "config.yaml", MANIFEST)
     with whole_files(folder, names) as files:
         yield Store(files, points)
-        if not with_gaps:  # those of an earlier sweep do not belong to these results
-            (folder / GAPS).unlink(missing_ok=True)
+    if not with_gaps:  # those of an earlier sweep do not belong to these results
+        (folder / GAPS).unlink(missing_ok=True)
 
 
 def _table(file: IO[str], columns: Sequence[str]) -> "csv.DictWriter[str]":

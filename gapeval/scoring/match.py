@@ -14,10 +14,8 @@ from gapeval.detection import Share, alone
 from gapeval.detections import METHODS, Crossing, Method
 from gapeval.frame import FloatArray
 from gapeval.scoring.metrics import OF_CROSSINGS, WITHOUT_LABELS
-from gapeval.scoring.scene import Polygons, Scene, union_of_labels
+from gapeval.scoring.scene import SLIVER, Polygons, Scene, union_of_labels
 from gapeval.visibility import areas_only
-
-SLIVER = 1e-12  # m2; less is rounding
 
 # Of each gap, what is known of crossing it; empty where nothing is.
 CrossingsOf = Sequence[Mapping[Method, Crossing]]

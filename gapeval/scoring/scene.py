@@ -14,6 +14,7 @@ from gapeval.labels import Label, Labels, crossing_yaw, place
 from gapeval.visibility import areas_only, domain, lowest_ray, shadow, without_body
 
 VISIBLE, PARTLY, SHADOWED, OUT_OF_VIEW = "visible", "partly", "shadowed", "out_of_view"
+SLIVER = 1e-9  # m2; less is rounding
 WHOLLY = 0.99  # share of a label from which on it is called visible, not partly
 
 Polygons = NDArray[np.object_]  # (N,) of (Multi)Polygon
@@ -122,7 +123,7 @@ def _seen_label(
     yaw: float | None,
     scoring: Scoring,
 ) -> PlacedLabel:
-    seen = areas_only(shapely.intersection(whole, visible))
+    seen = _without_slivers(areas_only(shapely.intersection(whole, visible)))
     in_domain = shapely.intersection(whole, view.domain)
     enough = min(scoring.min_visible.share * whole.area, scoring.min_visible.area)
     asked = seen.area > 0 and seen.area >= enough
@@ -133,6 +134,12 @@ def _seen_label(
     nearest = seen if seen.area > 0 else whole
     distance = float(shapely.distance(shapely.Point(view.origin), nearest))
     return PlacedLabel(label, whole, seen, state, asked, distance, yaw)
+
+
+def _without_slivers(region: BaseGeometry) -> BaseGeometry:
+    """Neighbouring bins of a shadow leave hairlines between them, through which nothing is seen."""
+    parts = shapely.get_parts(region)
+    return shapely.MultiPolygon(parts[shapely.area(parts) >= SLIVER].tolist())
 
 
 def union_of_labels(scene: Scene) -> BaseGeometry:
