@@ -23,7 +23,7 @@ def best_table(store: Store) -> str:
     """The best configurations of a sweep over all logs, by the parameters that differ between them."""
     ranked = store.ranked()[:BEST_ROWS]
     if not ranked:
-        return "No label was asked for, so no configuration is better than another."
+        return _no_ranking(store)
     title = f"Best of {len(store.points)} configurations, chosen on these data:\n\n"
     varied = [
         name
@@ -42,6 +42,15 @@ def best_table(store: Store) -> str:
             )
         )
     return title + columns(("configuration", *varied, *BEST_METRICS), rows)
+
+
+def _no_ranking(store: Store) -> str:
+    if any(store.sums(point).get("scored_frames") for point in store.points):
+        return (
+            "No label was asked for: in no frame is enough of one in the domain (scoring.domain, by default the "
+            "largest box\nof the grid) and in view. labels.csv says how each was seen."
+        )
+    return "No labels, so no configuration is better than another."
 
 
 def timing_table(store: Store) -> str:
