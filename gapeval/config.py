@@ -314,8 +314,10 @@ class Config(Section):
             detector=self.detector, crossing=self.crossing, robot=self.robot, sensor=self.sensor
         )
 
-    def to_yaml(self) -> str:
-        values = self.model_dump(mode="json", exclude_none=True)
+    def to_yaml(self, sections: Iterable[str] | None = None) -> str:
+        """The whole, or only some sections of it."""
+        include = None if sections is None else set(sections)
+        values = self.model_dump(mode="json", exclude_none=True, include=include)
         return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
 
 
@@ -388,6 +390,8 @@ def validation_message(error: ValidationError) -> str:
         what = item["msg"].removeprefix("Value error, ")
         if item["type"] == "extra_forbidden":
             findings.append(f"{where}: no such parameter{_suggestion(where)}")
+        elif isinstance(item["input"], list) and "." in where and where.startswith(SWEPT):
+            findings.append(f"{where}: takes one value (got {item['input']}); several go into `grid:`, or -p")
         elif isinstance(item["input"], dict | list):
             findings.append(f"{where}: {what}")
         else:
@@ -410,8 +414,10 @@ class _Loader(yaml.SafeLoader):
 def _read_yaml(path: Path) -> dict[str, Any]:
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), _Loader)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: cannot be read: not text; a configuration is YAML") from error
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = f":{mark.line + 1}" if mark else ""

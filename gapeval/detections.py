@@ -17,6 +17,8 @@ from gapeval import __version__
 from gapeval.errors import DetectionsError
 from gapeval.frame import Plane, Transform, robot_plane
 
+OPENING = '{"type": "FeatureCollection",\n"frames": ['  # how our own files begin
+
 Method = Literal["npca", "pca"]
 METHODS: tuple[Method, Method] = ("npca", "pca")  # Sections 3.2.1 and 3.2.2
 
@@ -95,7 +97,7 @@ def write_detections(
     so `header` is asked for `log` last.
     """
     features: list[str] = []
-    file.write('{"type": "FeatureCollection",\n"frames": [')
+    file.write(OPENING)
     for number, frame in enumerate(frames):
         file.write((",\n" if number else "\n") + json.dumps(_frame_json(frame)))
         features += [json.dumps(feature) for feature in _features(frame)]

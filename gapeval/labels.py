@@ -3,10 +3,10 @@
 import hashlib
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 import shapely
@@ -17,6 +17,7 @@ from gapeval.frame import FloatArray, Plane, Transform
 
 OVERLAP = 1e-9  # m2 that two gap labels may share by rounding
 
+T = TypeVar("T")
 Rings = tuple[FloatArray, ...]  # exterior first; each (N, 3) [m], closed, z NaN where a vertex has none
 
 
@@ -94,31 +95,35 @@ def check_labels(path: Path) -> tuple[Labels, list[Problem]]:
     labels: list[Label] = []
     seen: set[str] = set()
     for index, feature in enumerate(features):
-        where = f"feature {index}"
-        try:
-            label = _label(feature, document.get("frame_id"))
-            where += f" ({label.id})"
-            if label.id in seen:
-                raise _FeatureError(f"the id {label.id} is used before")
-            seen.add(label.id)
+        label, reasons = _label(feature, document.get("frame_id"))
+        name = _given_id(feature)
+        if name and name in seen:
+            reasons.append(f"the id {name} is used before")
+        seen.add(name)
+        if label is not None and not reasons:
             labels.append(label)
-        except _FeatureError as refusal:
-            name = _given_id(feature)
-            problems.append(Problem(f"feature {index} ({name})" if name else where, str(refusal)))
+        where = f"feature {index} ({name})" if name else f"feature {index}"
+        problems += [Problem(where, reason) for reason in reasons]
     problems += _overlaps(labels)
     stamps, wrong = _stamps(document.get("stamps"))
     problems += wrong
     return Labels(path, hashlib.sha256(content).hexdigest(), tuple(labels), stamps), problems
 
 
-def require_frames(labels: Labels, robot_frame: str, fixed_frame: str | None) -> None:
+def require_frames(
+    labels: Labels,
+    robot_frame: str,
+    fixed_frame: str | None,
+    where: str = "the log is read in",
+    remedy: str = "use --fixed-frame or --robot-frame, or redraw it",
+) -> None:
     """Raises LabelError unless every label is in one of these frames, with times if it is the robot's."""
     known = [frame for frame in (fixed_frame, robot_frame) if frame]
     for label in labels.labels:
         if label.frame_id not in known:
             raise LabelError(
-                f"{labels.path}: label {label.id} is in the frame {label.frame_id!r}, but the log is read "
-                f"in {' and '.join(map(repr, known))}; use --fixed-frame or --robot-frame, or redraw it"
+                f"{labels.path}: label {label.id} is in the frame {label.frame_id!r}, but {where} "
+                f"{' and '.join(map(repr, known))}; {remedy}"
             )
         if label.frame_id == robot_frame and (label.start is None or label.end is None):
             raise LabelError(
@@ -182,33 +187,61 @@ def _given_id(feature: Any) -> str:
     return str(properties["id"]) if isinstance(properties, dict) and properties.get("id") is not None else ""
 
 
-def _label(feature: Any, default_frame: Any) -> Label:
+def _label(feature: Any, default_frame: Any) -> tuple[Label | None, list[str]]:
+    """The label of a feature, and every reason why it cannot be used."""
     properties = feature.get("properties") if isinstance(feature, dict) else None
     if not isinstance(properties, dict):
-        raise _FeatureError("no `properties`; a label needs at least an `id`")
+        return None, ["no `properties`; a label needs at least an `id`"]
+    reasons: list[str] = []
+
+    def tried(read: Callable[[], T]) -> T | None:
+        try:
+            return read()
+        except _FeatureError as error:
+            reasons.append(str(error))
+            return None
+
+    start, end = tried(lambda: _span(properties)) or (None, None)
+    label = Label(
+        id=tried(lambda: _id(properties)) or "",
+        kind=tried(lambda: _kind(properties)) or "gap",
+        frame_id=tried(lambda: _frame_id(properties, default_frame)) or "",
+        parts=tried(lambda: _parts(feature.get("geometry"))) or (),
+        start=start,
+        end=end,
+        traversable=tried(lambda: _typed(properties, "traversable", bool)),
+        length=tried(lambda: _typed(properties, "length", float)),
+        crossing_yaw=tried(lambda: _typed(properties, "crossing_yaw", float)),
+    )
+    return label, reasons
+
+
+def _id(properties: dict[str, Any]) -> str:
     name = properties.get("id")
     if not isinstance(name, str | int) or isinstance(name, bool) or name == "":
         raise _FeatureError("no `id` among its properties")
+    return str(name)
+
+
+def _kind(properties: dict[str, Any]) -> Literal["gap", "ignore"]:
     kind = properties.get("kind") or "gap"
-    if kind not in ("gap", "ignore"):
-        raise _FeatureError(f"kind is {kind!r}; use `gap` or `ignore`")
+    if kind == "gap" or kind == "ignore":
+        return "gap" if kind == "gap" else "ignore"
+    raise _FeatureError(f"kind is {kind!r}; use `gap` or `ignore`")
+
+
+def _frame_id(properties: dict[str, Any], default_frame: Any) -> str:
     frame_id = properties.get("frame_id") or default_frame
     if not isinstance(frame_id, str) or not frame_id:
         raise _FeatureError('no frame: add "frame_id": "map" (or another) at the top of the file')
+    return frame_id.removeprefix("/")
+
+
+def _span(properties: dict[str, Any]) -> tuple[int | None, int | None]:
     start, end = _stamp(properties.get("start"), "start"), _stamp(properties.get("end"), "end")
     if start is not None and end is not None and start > end:
         raise _FeatureError(f"start {start} is later than end {end}")
-    return Label(
-        id=str(name),
-        kind="gap" if kind == "gap" else "ignore",
-        frame_id=frame_id.removeprefix("/"),
-        parts=_parts(feature.get("geometry")),
-        start=start,
-        end=end,
-        traversable=_typed(properties, "traversable", bool),
-        length=_typed(properties, "length", float),
-        crossing_yaw=_typed(properties, "crossing_yaw", float),
-    )
+    return start, end
 
 
 def _typed(properties: dict[str, Any], key: str, kind: type) -> Any:
@@ -219,7 +252,7 @@ def _typed(properties: dict[str, Any], key: str, kind: type) -> Any:
         not isinstance(value, kind) or (isinstance(value, float) and not math.isfinite(value))
     ):
         raise _FeatureError(
-            f"{key} is {value!r}; expected a {'number' if kind is float else 'true or false'}"
+            f"{key} is {value!r}; expected {'a number' if kind is float else 'true or false'}"
         )
     return value
 

@@ -57,7 +57,7 @@ def write(folder, frames, points=POINTS, logs=("a.bag",), with_gaps=False, confi
     with open_store(folder, points, with_gaps) as store:
         for log, stamp, answers in frames:
             store.add(log, stamp, answers, {"detect": [0.25, 0.75], "read": [0.5]})
-        store.finish(config or Config(), MANIFEST, logs)
+        store.finish((config or Config()).to_yaml(), MANIFEST, logs)
     return store
 
 
@@ -433,7 +433,7 @@ def test_the_table_of_the_best_shows_what_differs(tmp_path):
 
 def test_without_labels_there_is_no_best_table(tmp_path):
     text = best_table(write(tmp_path, [("a.bag", 1, [unlabelled()] * 3)]))
-    assert text == "No label was asked for, so no configuration is better than another."
+    assert text == "No labels, so no configuration is better than another."
 
 
 @pytest.mark.parametrize(("value", "text"), [(None, "-"), (1 / 3, "0.3333"), (12, "12"), (1e-7, "1e-07")])
@@ -524,7 +524,7 @@ def test_a_frame_that_is_not_labelled_is_not_scored_twice_under_tolerance():
 
 def test_a_file_without_domain_takes_the_box_of_the_options():
     found = detections(detected_frame(5, [PIT, box(8, 0, 9, 1)], domain=None))
-    with pytest.raises(ConfigError, match="no domain in the file; add -p"):
+    with pytest.raises(ConfigError, match="no domain in the file"):
         score_detections(found, label_file(pit_label()), Config(), 0, None)
     near = Config(scoring=Scoring(domain=Domain(x_min=0.5, r_max=6)))
     scored = score_detections(found, label_file(pit_label()), near, 0, None)

@@ -22,11 +22,12 @@ def detect(log: Path, output: Path, **options: str) -> None:
     """
     from gapeval.cli.reading import open_logs, progress_bar, say, say_newly_refused
     from gapeval.results.files import make_folder
-    from gapeval.results.to_detections import detect_log
+    from gapeval.results.to_detections import check_replaceable, detect_log
     from gapeval.sweep.grid import the_one
 
     config = configuration(**options)  # type: ignore[arg-type]
     the_one(config)  # before anything is read
+    check_replaceable(output)
     make_folder(output.parent)
     (recording,) = open_logs([log], config.log)
     with progress_bar("detect", len(recording.scans), "frames") as bar:

@@ -86,7 +86,7 @@ def image(
     """
     from gapeval.cli.reading import open_logs, progress_bar, say
     from gapeval.detections import read_detections
-    from gapeval.labels import read_labels
+    from gapeval.labels import read_labels, require_frames
     from gapeval.report import birdseye
     from gapeval.results.files import make_folder
 
@@ -100,6 +100,7 @@ def image(
     if found:
         birdseye.draw_outlines(picture, birdseye.gap_outlines(found), birdseye.GAP_COLOUR)
     if drawn:
+        require_frames(drawn, recording.robot_frame, recording.fixed_frame)
         outlines = birdseye.label_outlines(drawn, picture.frame_id)
         birdseye.draw_outlines(picture, outlines, birdseye.LABEL_COLOUR)
     for path in picture.write(output, log.name):

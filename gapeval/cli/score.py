@@ -41,6 +41,8 @@ def score(
 
     config = configuration(**options)  # type: ignore[arg-type]
     found, drawn = read_detections(detections), read_labels(labels)
+    if config.scoring.domain and any(frame.domain is not None for frame in found.frames):
+        say(f"{detections}: its own domain is used, not scoring.domain; that is for detect")
     scored = score_detections(found, drawn, config, round(stamp_tolerance * 1e9), output)
     if found.repaired:
         say(f"{detections}: repaired {found.repaired} invalid polygons")

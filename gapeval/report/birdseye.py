@@ -85,7 +85,7 @@ def draw_outlines(
         places = (shapely.get_coordinates(ring) - picture.origin) / picture.resolution
         places[:, 1] = picture.pixels.shape[0] - places[:, 1]
         shifted = np.round((places - 0.5) * 16).astype(np.int32)  # pixel centres are whole numbers to OpenCV
-        cv2.polylines(picture.pixels, [shifted.reshape(-1, 1, 2)], True, colour, 1, cv2.LINE_8, 4)
+        cv2.polylines(picture.pixels, [shifted.reshape(-1, 1, 2)], True, colour, 2, cv2.LINE_8, 4)
 
 
 def label_outlines(labels: Labels, fixed_frame: str) -> list[BaseGeometry]:

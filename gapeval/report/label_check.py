@@ -30,7 +30,11 @@ def problems_in_log(labels: Labels, recording: Recording, config: Config) -> lis
             problems.append(Problem(where, f"holds at no cloud of {recording.path.name}"))
         elif (nearest := _nearest(label, recording, config, held)) > reach:
             problems.append(
-                Problem(where, f"is never nearer than {nearest:.1f} m to the robot, and r_max is {reach:g} m")
+                Problem(
+                    where,
+                    f"is never nearer than {nearest:.1f} m to the robot, and r_max is {reach:g} m; "
+                    "set detector.r_max with --config or -p",
+                )
             )
     missing = sorted((labels.stamps or frozenset()) - set(stamps.tolist()))
     problems += [Problem("file", f"stamp {stamp} is no cloud of {recording.path.name}") for stamp in missing]

@@ -9,6 +9,7 @@ from gapeval.scoring.metrics import COUNTS, METRICS, figures
 
 BEST_ROWS = 5
 BEST_METRICS = ("hit_rate", "fp_per_frame", "pq", "coverage", "over_area", "splits", "merges")
+IF_LABELLED = ("npca_accuracy", "pca_accuracy")  # shown where labels say what can be crossed
 
 
 def metrics_table(sums: Mapping[str, float]) -> str:
@@ -31,6 +32,10 @@ def best_table(store: Store) -> str:
         if len({point.parameters.get(name) for point in store.points}) > 1
         and (name not in ("i_height", "i_width") or "k" not in PARAMETERS or _k_is_silent(store))
     ]
+    shown = (
+        *BEST_METRICS,
+        *(n for n in IF_LABELLED if any(figures(store.sums(p))[n] is not None for p in ranked)),
+    )
     rows = []
     for point in ranked:
         found = figures(store.sums(point))
@@ -38,17 +43,17 @@ def best_table(store: Store) -> str:
             (
                 point.id,
                 *(short(point.parameters.get(name)) for name in varied),
-                *(short(found[name]) for name in BEST_METRICS),
+                *(short(found[name]) for name in shown),
             )
         )
-    return title + columns(("configuration", *varied, *BEST_METRICS), rows)
+    return title + columns(("configuration", *varied, *shown), rows)
 
 
 def _no_ranking(store: Store) -> str:
     if any(store.sums(point).get("scored_frames") for point in store.points):
         return (
-            "No label was asked for: in no frame is enough of one in the domain (scoring.domain, by default the "
-            "largest box\nof the grid) and in view. labels.csv says how each was seen."
+            "No label was asked for: in no frame is enough of one in view and in the domain, which is\n"
+            "scoring.domain or the largest x_min ... r_max of the grid. labels.csv says how each was seen."
         )
     return "No labels, so no configuration is better than another."
 

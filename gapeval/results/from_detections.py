@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from gapeval.config import Config, Configuration
 from gapeval.detections import DetectedFrame, Detections
-from gapeval.errors import ConfigError, DetectionsError
+from gapeval.errors import ConfigError, DetectionsError, LabelError
 from gapeval.frame import Transform
 from gapeval.labels import Labels, require_frames
 from gapeval.results.manifest import label_entry, manifest
@@ -36,10 +36,21 @@ def score_detections(
 
     Raises DetectionsError for a file without domain, ConfigError if none is given for it either.
     """
-    require_frames(labels, detections.robot_frame, detections.fixed_frame)
+    require_frames(
+        labels,
+        detections.robot_frame,
+        detections.fixed_frame,
+        f"{detections.path} has only",
+        "give it `frame_id`, `fixed_frame` and poses",
+    )
     if not detections.frames:
         raise DetectionsError(f"{detections.path}: no frames; nothing to score")
     frames, unmatched = at_labelled_stamps(detections.frames, labels, tolerance)
+    if labels.stamps and unmatched == len(labels.stamps):
+        raise LabelError(
+            f"{labels.path}: none of its {unmatched} labelled stamps is a frame of {detections.path}; "
+            "use --stamp-tolerance if they are nearly so"
+        )
     frames = [with_domain(frame, detections, config) for frame in frames]
     where = filed_under(detections)
     with open_store(folder, [where]) if folder else nullcontext(Store({}, [where])) as store:
@@ -55,7 +66,8 @@ def score_detections(
                 "repaired": detections.repaired,
                 "unmatched_stamps": unmatched,
             }
-            store.finish(config, manifest([entry], [label_entry(labels)], 1), [detections.log])
+            text = as_it_was_made(detections, config)
+            store.finish(text, manifest([entry], [label_entry(labels)], 1), [detections.log])
         return Scored(store.sums(where), unmatched)
 
 
@@ -86,7 +98,8 @@ def with_domain(frame: DetectedFrame, detections: Detections, config: Config) ->
     box = config.scoring.domain
     if box is None:
         raise ConfigError(
-            f"{detections.path}: no domain in the file; add -p 'scoring.domain={{x_min: 0.6, r_max: 3}}'"
+            f"{detections.path}: no domain in the file; say where it was looked for gaps, for example "
+            "-p 'scoring.domain={x_min: 0.6, r_max: 3}'"
         )
     everywhere = domain(
         box.x_min, box.r_max, (0.0, 0.0), frame.plane, Transform.identity(), -90.0, config.sensor.fov
@@ -96,10 +109,28 @@ def with_domain(frame: DetectedFrame, detections: Detections, config: Config) ->
 
 def filed_under(detections: Detections) -> Point:
     """The configuration that a file of ours was made with; `foreign`, without parameters, for others."""
+    made_with = configuration_of(detections)
+    if made_with is not None:
+        return point(made_with)
+    given = detections.configuration
+    return Point(str(given.get("id", FOREIGN)) if isinstance(given, dict) else FOREIGN, {})
+
+
+def configuration_of(detections: Detections) -> Configuration | None:
+    """What a file of ours was made with; None for others."""
     if not isinstance(detections.configuration, dict):
-        return Point(FOREIGN, {})
+        return None
     values = {name: value for name, value in detections.configuration.items() if name != "id"}
     try:
-        return point(Configuration.model_validate(values))
+        return Configuration.model_validate(values)
     except ValidationError:
-        return Point(str(detections.configuration.get("id", FOREIGN)), {})
+        return None
+
+
+def as_it_was_made(detections: Detections, config: Config) -> str:
+    """The effective configuration in YAML: of the file, as far as it says so, and of the scoring."""
+    made_with = configuration_of(detections)
+    if made_with is None:
+        return config.to_yaml(("scoring",))
+    parts = {name: getattr(made_with, name) for name in Configuration.model_fields}
+    return config.model_copy(update=parts | {"grid": {}}).to_yaml((*parts, "scoring"))

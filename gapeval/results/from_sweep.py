@@ -88,7 +88,7 @@ def write_sweep(sweep: Sweep, folder: Path, jobs: int, advance: Callable[[], obj
             label_entry(drawn) | {"unmatched_stamps": len(missing)}
             for drawn, missing in unmatched_stamps(sweep).items()
         ]
-        store.finish(_effective(sweep), manifest(entries, labels, len(points)), sweep.names)
+        store.finish(_effective(sweep).to_yaml(), manifest(entries, labels, len(points)), sweep.names)
     return Outcome(store, entries)
 
 

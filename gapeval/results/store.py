@@ -10,7 +10,6 @@ from typing import IO, Any
 
 import numpy as np
 
-from gapeval.config import Config
 from gapeval.results import tables
 from gapeval.results.files import make_folder, whole_files
 from gapeval.results.tables import Point
@@ -18,6 +17,15 @@ from gapeval.scoring.metrics import add, figures
 from gapeval.sweep.evaluation import Answer
 
 ALL = "all"
+# What the best configuration is chosen by, most important first; -1 for more is better.
+BEST = (
+    ("hit_rate", -1),
+    ("fp_per_frame", 1),
+    ("pq", -1),
+    ("coverage", -1),
+    ("over_area", 1),
+    ("npca_accuracy", -1),
+)
 GAPS = "gaps.csv"
 MANIFEST = "manifest.json"
 
@@ -62,8 +70,8 @@ class Store:
                 (sum(seconds) / len(seconds), len(seconds))
             )
 
-    def finish(self, config: Config, manifest: Mapping[str, Any], logs: Sequence[str]) -> None:
-        """The files that need all frames: summary, timing, configuration and manifest."""
+    def finish(self, config: str, manifest: Mapping[str, Any], logs: Sequence[str]) -> None:
+        """The files that need all frames: summary, timing, configuration (YAML) and manifest."""
         summary = _table(self._files["summary.csv"], tables.SUMMARY)
         for log in (*logs, None):
             best = self.ranked(log)[:1]
@@ -76,12 +84,12 @@ class Store:
         timing = _table(self._files["timing.csv"], tables.TIMING)
         for row in self.timings():
             timing.writerow(_cells(row))
-        self._files["config.yaml"].write(config.to_yaml())
+        self._files["config.yaml"].write(config)
         json.dump(manifest, self._files[MANIFEST], indent=2, ensure_ascii=False)
         self._files[MANIFEST].write("\n")
 
     def ranked(self, log: str | None = None) -> list[Point]:
-        """The configurations, best first: most hits, then fewest false gaps, then pq, then coverage.
+        """The configurations, best first, by what BEST says; equal ones in the order of the grid.
 
         Empty where no label was asked for.
         """
@@ -89,8 +97,7 @@ class Store:
 
         def goodness(point: Point) -> tuple[float, ...]:
             found = figures(self.sums(point, log))
-            order = (("hit_rate", -1), ("fp_per_frame", 1), ("pq", -1), ("coverage", -1))
-            return tuple(sign * (found[name] or 0.0) for name, sign in order)
+            return tuple(sign * (found[name] or 0.0) for name, sign in BEST)
 
         return sorted(scored, key=goodness)
 

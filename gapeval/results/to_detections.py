@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gapeval.config import Config
-from gapeval.detections import DetectedFrame, write_detections
+from gapeval.detections import OPENING, DetectedFrame, write_detections
 from gapeval.errors import GapevalError
 from gapeval.frame import Frame
 from gapeval.logs.read import Recording, frame_digest, read_frames
@@ -29,10 +29,21 @@ class Detected:
     refused: dict[str, int]
 
 
+def check_replaceable(output: Path) -> None:
+    """Raises GapevalError rather than replace a log, labels or anything else that is no detections file."""
+    if output.is_dir():
+        raise GapevalError(f"{output}: is a folder; name a file with -o")
+    if output.exists():
+        with output.open("rb") as file:
+            if not file.read(len(OPENING)).decode("utf-8", "replace").startswith(OPENING):
+                raise GapevalError(f"{output}: exists and is no detections file; name another with -o")
+
+
 def detect_log(config: Config, recording: Recording, output: Path, advance: Callable[[], object]) -> Detected:
     """Raises ConfigError for a grid with a choice, GapevalError if no cloud could be used."""
     one_thread()
     chosen = the_one(config)
+    check_replaceable(output)
     question = Question((chosen,), config.scoring, *common_domain([chosen], config.scoring))
     tally = LogTally(dict(recording.refused))
     header: dict[str, Any] = {

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 
 import cv2
 
@@ -110,15 +110,28 @@ def _run_in_processes(task: Task, units: list[Unit], jobs: int) -> Iterator[list
     waiting = iter(units)
     try:
         for unit in waiting:
-            pending.append(pool.submit(_work, unit))
+            pending.append(_submit(pool, unit))
             if len(pending) > 2 * jobs:
                 yield pending.popleft().result()
         while pending:
             yield pending.popleft().result()
+    except (KeyboardInterrupt, GeneratorExit):
+        for worker in active_children():  # what they are at is of no use any more
+            worker.terminate()
+        raise
     except BrokenProcessPool as error:
         raise GapevalError("a worker process died, perhaps for want of memory; use fewer --jobs") from error
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _submit(pool: ProcessPoolExecutor, unit: Unit) -> Future[list[EvaluatedFrame]]:
+    """A worker that this starts never sees Ctrl-C, which goes to the parent alone; it tells when to stop."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        return pool.submit(_work, unit)
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 _task: Task  # of a worker process
@@ -127,7 +140,6 @@ _task: Task  # of a worker process
 def _begin_worker(task: Task) -> None:
     global _task
     _task = task
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent tells when to stop
     one_thread()
 
 
