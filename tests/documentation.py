@@ -6,6 +6,7 @@ from typing import get_args
 
 import click
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from gapeval.cli import cli
 from gapeval.config import Config
@@ -16,11 +17,20 @@ DOCS = Path(__file__).parent.parent / "docs"
 MADE = r"(<!-- {name}: made by scripts/document -->\n).*?(<!-- end -->)"
 
 
+COMMANDS = """# Commands
+
+This page is made from the commands' `--help` by `scripts/document`.
+
+Results go to files or standard output, everything else to standard error. Exit status: 0 fine, 1 error,
+2 usage (options, parameters, configuration), 130 interrupted. An error is one line; `gapeval --debug ...`
+shows its traceback.
+"""
+
 CONFIGURATION = """# Configuration
 
 This page is made from `gapeval/config.py` by `scripts/document`. A file may leave out everything; an
 unknown key is an error. On the command line: `-p key=value`, dotted where the name is not unique
-(`-p robot.length=1.2`). Explicit options win over `-p`, `-p` over the file. Several values,
+or nested (`-p scoring.domain.r_max=5`). Explicit options win over `-p`, `-p` over the file. Several values,
 `-p k=5,6,7`, replace the grid's.
 """
 
@@ -32,7 +42,7 @@ def cell(text: object) -> str:
 
 def commands() -> str:
     """Every command's --help."""
-    pages = ["# Commands\n\nThis page is made from the commands' `--help` by `scripts/document`.\n"]
+    pages = [COMMANDS]
     for path, command in walk(cli, ("gapeval",)):
         context = click.Context(command, info_name=" ".join(path), max_content_width=100, terminal_width=100)
         pages.append(f"## {' '.join(path)}\n\n```\n{command.get_help(context)}\n```\n")
@@ -65,13 +75,32 @@ def section(path: str, model: type[BaseModel]) -> str:
         inner += "".join(section(f"{path}.{name}", option) for option in options)
         if field.description:
             default = "required" if field.is_required() else "" if field.default is None else field.default
-            rows.append(f"| `{name}` | {default} | {cell(field.description)} |")
+            rows.append(f"| `{name}` | {default} | {values(field)} | {cell(field.description)} |")
     about = model.__doc__.split("\n")[0]
     return (
-        f"\n## {path}\n\n{about}\n\n| key | default | meaning |\n|---|---|---|\n"
+        f"\n## {path}\n\n{about}\n\n| key | default | values | meaning |\n|---|---|---|---|\n"
         + "\n".join(rows)
         + f"\n{inner}"
     )
+
+
+def values(field: FieldInfo) -> str:
+    """What a parameter may be, where that is more than its type."""
+    choices = [c for option in (field.annotation, *get_args(field.annotation)) for c in get_args(option)]
+    named = [str(c) for c in choices if isinstance(c, str)]
+    signs = {"gt": ">", "ge": ">=", "lt": "<", "le": "<="}
+    extras = [
+        *field.metadata,
+        *(m for option in get_args(field.annotation) for m in getattr(option, "__metadata__", ())),
+    ]
+    limits = [
+        f"{sign} {number:.4g}"
+        for extra in extras
+        for item in (extra, *getattr(extra, "metadata", ()))
+        for name, sign in signs.items()
+        if (number := getattr(item, name, None)) is not None
+    ]
+    return cell(", ".join(dict.fromkeys(named or limits)))
 
 
 def is_model(candidate: object) -> bool:
@@ -93,7 +122,8 @@ def columns() -> str:
     }
     parts, meanings = [], tables.meanings()
     for file, names in files.items():
-        rows = "\n".join(f"| `{name}` | {cell(meanings[name])} |" for name in names)
+        here = meanings | {"gaps": "gaps that belong to the label"} if file == "labels.csv" else meanings
+        rows = "\n".join(f"| `{name}` | {cell(here[name])} |" for name in names)
         parts.append(f"## {file}\n\n| column | meaning |\n|---|---|\n{rows}\n")
     return "\n".join(parts)
 

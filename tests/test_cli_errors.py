@@ -230,3 +230,32 @@ def test_debug_shows_the_traceback(tmp_path: Path) -> None:
 def test_version_and_help() -> None:
     assert gapeval("--version").out == "gapeval, version 0.1.0\n"
     assert "sweep" in gapeval("--help").out
+
+
+@pytest.mark.parametrize("taken", ["drive.mcap", "labels.geojson", "folder"])
+def test_detect_replaces_nothing_but_detections(tmp_path: Path, taken: str) -> None:
+    log = drive(tmp_path / "drive.mcap", 1)
+    labels(tmp_path / "labels.geojson")
+    (tmp_path / "folder").mkdir()
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()}
+    done = gapeval("detect", log, "-o", tmp_path / taken)
+    assert done.status == 1
+    assert "name a" in done.last_line
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir() if path.is_file()} == before
+    for _ in range(2):
+        assert gapeval("detect", log, "-o", tmp_path / "found.geojson").status == 0
+
+
+def test_labelled_stamps_that_no_frame_has(tmp_path: Path) -> None:
+    log, near = drive(tmp_path / "drive.mcap", 1), str(START + 1000)
+    assert gapeval("detect", log, "-o", tmp_path / "found.geojson", "-p", "delta_r=1.05").status == 0
+    drawn = labels(tmp_path / "labels.geojson", stamps=[near])
+    done = gapeval("score", tmp_path / "found.geojson", drawn)
+    assert (done.status, "--stamp-tolerance" in done.last_line) == (1, True)
+    assert gapeval("score", tmp_path / "found.geojson", drawn, "--stamp-tolerance", "0.001").status == 0
+
+
+def test_a_picture_with_labels_of_another_frame(tmp_path: Path) -> None:
+    log, mars = drive(tmp_path / "drive.mcap", 1), labels(tmp_path / "labels.geojson", frame_id="mars")
+    done = gapeval("labels", "image", log, "-o", tmp_path / "out", "--labels", mars)
+    assert (done.status, "'mars'" in done.last_line) == (1, True)

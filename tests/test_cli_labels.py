@@ -116,3 +116,10 @@ def test_info_goes_on_after_a_log_that_cannot_be_read(tmp_path: Path) -> None:
     assert "/points" in done.out
     assert ["no.bag" in line for line in done.err.splitlines()] == [True, False]
     assert "neither.bag" in done.last_line
+
+
+def test_every_problem_of_one_feature_is_told(tmp_path: Path) -> None:
+    worst = feature(trench_ring()[:-1], id="worst", kind="hole", traversable="yes", start="5", end="4")
+    done = gapeval("labels", "check", labels(tmp_path / "bad.geojson", [worst], frame_id=None))
+    reasons = [line.removeprefix("feature 0 (worst): ") for line in done.out.splitlines()]
+    assert [reason.split()[0] for reason in reasons] == ["start", "kind", "no", "an", "traversable"]

@@ -14,6 +14,8 @@ import pytest
 from command import gapeval
 from small_logs import cloud, drive, drive_with, feature, labels, stamps, trench_ring
 
+from gapeval.config import load_config
+
 GRID = ("-p", "delta_r=1.03,1.05", "-p", "n_o=0,1", "-p", "pl_th=0.05,0.1")
 TABLES = ("summary.csv", "frames.csv", "labels.csv")
 DETERMINISTIC = (*TABLES, "config.yaml", "manifest.json")
@@ -99,6 +101,8 @@ def test_detect_then_score_gives_what_sweep_gives(
     assert scored.status == 0, scored.err
     for table in TABLES:
         assert (tmp_path / "sweep" / table).read_bytes() == (tmp_path / "score" / table).read_bytes()
+    made = load_config(tmp_path / "score/config.yaml")
+    assert made.base.id == read(tmp_path / "score/summary.csv")[0]["configuration"]
     digests = [
         json.loads((tmp_path / d / "manifest.json").read_text())["logs"][0]["sha256"]
         for d in ("sweep", "score")
@@ -228,6 +232,8 @@ def test_an_interrupted_sweep_leaves_nothing_that_looks_whole(tmp_path: Path, se
     while process.poll() is None and not (frames.exists() and frames.stat().st_size > 1000):
         time.sleep(0.02)
     assert process.poll() is None, "it was done before it could be interrupted"
+    if sent == signal.SIGINT:
+        time.sleep(0.1)  # in the middle of a unit
     os.killpg(process.pid, sent)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == status

@@ -75,7 +75,7 @@ def image(
 ) -> None:
     """Draw a log from above, in its fixed frame, to draw labels on in QGIS.
 
-    Writes LOG.png with a world file (LOG.pgw) and a sidecar (LOG.json: resolution, origin, frame). Colour is
+    Writes LOG.png, a world file (LOG.pgw) and a sidecar (LOG.json: resolution, origin, frame). Colour is
     the lowest height seen in a pixel, from blue (a metre below the ground) to red (a metre above); nothing
     was seen where it is transparent. The robot's way is drawn in black.
 

@@ -25,8 +25,9 @@ def score(
 ) -> None:
     """Score detections, of this program or any other that writes the format, against labels.
 
-    The domain in the file is used; a file without one needs scoring.domain from --config or -p, then as a
-    box around the robot. Prints every metric; an undefined one is empty.
+    docs/detections.md describes the format. The domain in the file is used; a file without one needs
+    scoring.domain from --config or -p, then as a box around the robot. Prints every metric, a dash for
+    what is undefined.
 
     \b
     Example:

@@ -10,19 +10,19 @@ Sums = Mapping[str, float]
 WITHOUT_LABELS = {
     "frames": "frames that were evaluated",
     "gaps": "gaps that were found",
-    "traversable_npca": "of these, traversable by npca",
-    "traversable_pca": "of these, traversable by pca",
+    "traversable_npca": "gaps that are traversable by npca",
+    "traversable_pca": "gaps that are traversable by pca",
     "axis_angles": "gaps with both axes",
     "axis_angle_sum": "rad, between the axes of npca and pca",
     "plane_fallbacks": "frames in which `plane: patch` fell back to the robot's plane",
 }
 WITH_LABELS = {
     "scored_frames": "frames that were labelled",
-    "empty_frames": "of these, frames without a label to ask for",
+    "empty_frames": "scored frames without a label to ask for",
     "asked": "labels of which enough is visible",
-    "hits": "of these, labels that were hit",
+    "hits": "asked labels that were hit",
     "pairs": "pairs of a gap and a label that it belongs to",
-    "pairs_on_hits": "of these, on labels that were hit",
+    "pairs_on_hits": "such pairs on labels that were hit",
     "paired_gaps": "gaps that belong to a label",
     "tp": "matched pairs",
     "fp": "gaps that count and were not matched",
@@ -32,7 +32,7 @@ WITH_LABELS = {
     "not_counted": "gaps outside the domain, or that touch only labels that are not asked for",
     "iou_sum": "IoU of matched pairs",
     "label_area": "m2, visible, of labels that are asked for",
-    "covered_area": "m2, of these, covered by gaps",
+    "covered_area": "m2, the part of label_area that gaps cover",
     "over_area_sum": "m2, found outside every label",
 }
 OF_CROSSINGS = {
@@ -40,7 +40,7 @@ OF_CROSSINGS = {
     for method in ("npca", "pca")
     for name, meaning in {
         "judged": "hit labels with `traversable`",
-        "right": "of these, judged as labelled",
+        "right": "hit labels with `traversable`, judged as labelled",
         "lengths": "hit labels with `length`",
         "length_error_sum": "m, |length - label|",
         "yaws": "hit labels with `crossing_yaw`",
@@ -104,18 +104,22 @@ def _pq(sums: Sums) -> float | None:
 
 
 METRICS: tuple[Metric, ...] = (
-    Metric("hit_rate", "1", "higher", "labels covered by at least hit_coverage", ratio("hits", "asked")),
-    Metric("coverage", "1", "higher", "share of the visible label area", ratio("covered_area", "label_area")),
+    Metric("hit_rate", "1", "higher", "share of asked labels that were hit", ratio("hits", "asked")),
+    Metric(
+        "coverage",
+        "1",
+        "higher",
+        "share of the visible label area covered by gaps",
+        ratio("covered_area", "label_area"),
+    ),
     Metric(
         "over_area",
         "m2",
         "lower",
-        "detected outside labels, per frame",
+        "found outside every label, per scored frame",
         ratio("over_area_sum", "scored_frames"),
     ),
-    Metric(
-        "fp_per_frame", "1", "lower", "gaps that belong to no label", ratio("false_gaps", "scored_frames")
-    ),
+    Metric("fp_per_frame", "1", "lower", "false_gaps / scored_frames", ratio("false_gaps", "scored_frames")),
     Metric("splits", "1", "lower", "gaps per label that was hit", ratio("pairs_on_hits", "hits")),
     Metric("merges", "1", "lower", "labels per gap that belongs to any", ratio("pairs", "paired_gaps")),
     Metric("precision", "1", "higher", "tp / (tp + fp)", _precision),
@@ -124,7 +128,13 @@ METRICS: tuple[Metric, ...] = (
     Metric("sq", "1", "higher", "mean IoU of matched pairs", ratio("iou_sum", "tp")),
     Metric("rq", "1", "higher", "recognition quality, equal to f1", _f1),
     Metric("pq", "1", "higher", "panoptic quality, sq rq", _pq),
-    Metric("npca_accuracy", "1", "higher", "traversable as labelled", ratio("npca_right", "npca_judged")),
+    Metric(
+        "npca_accuracy",
+        "1",
+        "higher",
+        "share of hit labels with `traversable` judged so",
+        ratio("npca_right", "npca_judged"),
+    ),
     Metric(
         "npca_length_error",
         "m",
@@ -139,7 +149,13 @@ METRICS: tuple[Metric, ...] = (
         "mean axial angle to label",
         ratio("npca_yaw_error_sum", "npca_yaws"),
     ),
-    Metric("pca_accuracy", "1", "higher", "traversable as labelled", ratio("pca_right", "pca_judged")),
+    Metric(
+        "pca_accuracy",
+        "1",
+        "higher",
+        "share of hit labels with `traversable` judged so",
+        ratio("pca_right", "pca_judged"),
+    ),
     Metric(
         "pca_length_error",
         "m",
