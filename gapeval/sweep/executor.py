@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from multiprocessing import active_children, get_context
+from multiprocessing import get_context
+from threading import current_thread, main_thread
 
 import cv2
 
@@ -115,23 +116,27 @@ def _run_in_processes(task: Task, units: list[Unit], jobs: int) -> Iterator[list
                 yield pending.popleft().result()
         while pending:
             yield pending.popleft().result()
-    except (KeyboardInterrupt, GeneratorExit):
-        for worker in active_children():  # what they are at is of no use any more
-            worker.terminate()
-        raise
     except BrokenProcessPool as error:
         raise GapevalError("a worker process died, perhaps for want of memory; use fewer --jobs") from error
     finally:
+        # Workers end the frames that they are at: a pool whose workers are killed can hang for good.
         pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _submit(pool: ProcessPoolExecutor, unit: Unit) -> Future[list[EvaluatedFrame]]:
-    """A worker that this starts never sees Ctrl-C, which goes to the parent alone; it tells when to stop."""
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    """Ctrl-C waits until the pool is in order again, and never reaches a worker that this starts."""
+    if current_thread() is not main_thread():
+        return pool.submit(_work, unit)
+    interrupts: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: interrupts.append(number))
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which a new process inherits
     try:
         return pool.submit(_work, unit)
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, handler)
+        if interrupts:
+            raise KeyboardInterrupt
 
 
 _task: Task  # of a worker process
