@@ -211,8 +211,20 @@ def test_a_failed_sweep_leaves_the_results_of_the_last(tmp_path: Path, trench: P
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
 
-@pytest.mark.parametrize(("sent", "status"), [(signal.SIGINT, 130), (signal.SIGKILL, -signal.SIGKILL)])
-def test_an_interrupted_sweep_leaves_nothing_that_looks_whole(tmp_path: Path, sent: int, status: int) -> None:
+@pytest.mark.parametrize(
+    ("sent", "begun", "later", "status"),
+    [
+        (signal.SIGINT, 1000, 0.1, 130),  # in the middle of a unit
+        (signal.SIGINT, 0, 0.0, 130),  # while the workers start
+        (signal.SIGINT, 0, 0.15, 130),
+        (signal.SIGINT, 0, 0.4, 130),
+        (signal.SIGKILL, 1000, 0.0, -signal.SIGKILL),
+    ],
+)
+def test_an_interrupted_sweep_leaves_nothing_that_looks_whole(
+    tmp_path: Path, sent: int, begun: int, later: float, status: int
+) -> None:
+    """Sent `later` [s] than when `begun` bytes of frames.csv are written."""
     log = drive(tmp_path / "drive.mcap", 60)
     grid = ("-p", "delta_r=" + ",".join(f"{1.02 + step / 1000}" for step in range(60)), "-p", "n_o=0,1,2")
     command = [
@@ -229,11 +241,10 @@ def test_an_interrupted_sweep_leaves_nothing_that_looks_whole(tmp_path: Path, se
     ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
     frames = tmp_path / "out" / "frames.csv.part"
-    while process.poll() is None and not (frames.exists() and frames.stat().st_size > 1000):
+    while process.poll() is None and not (frames.exists() and frames.stat().st_size >= begun):
         time.sleep(0.02)
     assert process.poll() is None, "it was done before it could be interrupted"
-    if sent == signal.SIGINT:
-        time.sleep(0.1)  # in the middle of a unit
+    time.sleep(later)
     os.killpg(process.pid, sent)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == status

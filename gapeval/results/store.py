@@ -79,7 +79,7 @@ class Store:
                 sums = self._totals.of(log, point.id)
                 chosen = point in best and len(self.points) > 1
                 row = {"log": log or ALL, "configuration": point.id, "best": True if chosen else None}
-                row |= point.parameters | tables.figures_row(sums) | tables.sums_row(sums)
+                row |= point.parameters | figures(sums) | tables.sums_row(sums)
                 summary.writerow(_cells(row))
         timing = _table(self._files["timing.csv"], tables.TIMING)
         for row in self.timings():

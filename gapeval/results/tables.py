@@ -6,7 +6,7 @@ from typing import Any
 
 from gapeval.config import Configuration, CrossingRules, Detector, limits
 from gapeval.detections import METHODS, crossing_properties
-from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS, figures
+from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS
 from gapeval.sweep.evaluation import Answer
 
 DETECTOR = (
@@ -111,11 +111,6 @@ def sums_row(sums: dict[str, float]) -> Row:
     scored = bool(sums.get("scored_frames"))
     names = SUMS if scored else WITHOUT_LABELS
     return {name: _number(name, sums.get(name, 0)) for name in names}
-
-
-def figures_row(sums: dict[str, float]) -> Row:
-    """Every metric of some sums; empty where it is undefined."""
-    return dict(figures(sums))
 
 
 def label_rows(answer: Answer) -> Iterator[Row]:
