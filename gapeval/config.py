@@ -69,14 +69,14 @@ class Detector(Section):
     z_max: Positive = 2.0
     """m, points higher than this above the robot frame's origin are dropped"""
     origin: Literal["sensor", "robot"] = "sensor"
-    """where the polar grid is centred"""
+    """where the polar grid is centred; see detector.md"""
     plane: Literal["robot", "patch"] = "robot"
     """supporting plane: z = robot.ground_z, or fitted to a patch in front of the robot"""
     patch: Patch = Patch()
     edge: Literal["data", "zero"] = "data"
-    """what lies beyond the box when the image is opened: what the cloud says, or no gap"""
+    """what lies beyond the box when the image is opened: what the cloud says, or no gap; see detector.md"""
     kernel: Literal["rect", "cross"] = "rect"
-    """3 x 3 element of the erosions and dilations"""
+    """3 x 3 element of the erosions and dilations; see detector.md"""
 
     @property
     def height(self) -> int:
@@ -107,7 +107,7 @@ class CrossingRules(Section):
     clearance: NotNegative | None = None
     """m, to be kept free around START and END; default: half the robot's width"""
     uniform: Literal["area", "kdtree"] = "area"
-    """how the interior gets a uniform density: exact area moments, or the paper's tree"""
+    """how the interior gets a uniform density: exact area moments, or the paper's tree; see detector.md"""
     rules: Literal["all", "paper"] = "all"
     """whether the reasons `clipped` and `unobserved`, which are ours, apply too"""
     min_observed: Share = 0.5
@@ -261,7 +261,7 @@ class Scoring(Section):
     iou: Annotated[float, Field(gt=0, le=1)] = 0.5
     """least intersection over union of a matched pair"""
     hit_coverage: Annotated[float, Field(gt=0, le=1)] = 0.5
-    """share of a visible label that must be covered for a hit"""
+    """share of a visible label that must be covered for a hit; see scoring.md"""
     belongs: Annotated[float, Field(gt=0, le=1)] = 0.1
     """share of the smaller area that a gap and its label have in common"""
     min_visible: MinVisible = MinVisible()

@@ -110,6 +110,13 @@ def check_labels(path: Path) -> tuple[Labels, list[Problem]]:
     return Labels(path, hashlib.sha256(content).hexdigest(), tuple(labels), stamps), problems
 
 
+def labels_text(labels: Iterable[Label], frame_id: str, **about: Any) -> str:
+    """A label file, as text. about: what else to say at its top; readers leave it alone."""
+    features = ",\n".join(json.dumps(_feature(label)) for label in labels)
+    top = json.dumps({"type": "FeatureCollection", "frame_id": frame_id} | about)
+    return f'{top[:-1]}, "features": [\n{features}\n]}}\n'
+
+
 def require_frames(
     labels: Labels,
     robot_frame: str,
@@ -176,6 +183,32 @@ def crossing_yaw(label: Label, pose: Transform | None, robot_frame: str) -> floa
         return label.crossing_yaw
     heading = np.array([math.cos(label.crossing_yaw), math.sin(label.crossing_yaw), 0.0]) @ pose.matrix
     return math.atan2(heading[1], heading[0])
+
+
+def _feature(label: Label) -> dict[str, Any]:
+    known = {
+        "id": label.id,
+        "kind": label.kind,
+        "frame_id": label.frame_id,
+        "start": None if label.start is None else str(label.start),
+        "end": None if label.end is None else str(label.end),
+        "traversable": label.traversable,
+        "length": label.length,
+        "crossing_yaw": label.crossing_yaw,
+    }
+    polygons = [
+        [[[value for value in place if not math.isnan(value)] for place in ring.tolist()] for ring in rings]
+        for rings in label.parts
+    ]
+    one = len(polygons) == 1
+    return {
+        "type": "Feature",
+        "properties": {name: value for name, value in known.items() if value is not None},
+        "geometry": {
+            "type": "Polygon" if one else "MultiPolygon",
+            "coordinates": polygons[0] if one else polygons,
+        },
+    }
 
 
 class _FeatureError(Exception):

@@ -49,7 +49,7 @@ def test_the_trench_is_found_and_crossed(tmp_path: Path, trench: Path) -> None:
     assert float(best["npca_length_error"]) < 0.15
     assert float(best["npca_yaw_error"]) < 0.1
     assert best["configuration"] in done.out.splitlines()[3]
-    assert "8 configurations on 4 frames of 1 logs" in done.out
+    assert "8 configurations on 4 frames of 1 log" in done.out
     assert "4 of 4 clouds of /points, robot base_link, in map by tf" in done.err
 
 

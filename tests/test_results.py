@@ -13,10 +13,10 @@ from scenes import NOTHING, box, crossing, label, label_file, outlines
 from gapeval.config import Config, Configuration, CrossingRules, Detector, Domain, Scoring
 from gapeval.detections import DetectedFrame, Detections, read_detections, write_detections
 from gapeval.errors import ConfigError, DetectionsError, GapevalError, LabelError
+from gapeval.files import whole_file
 from gapeval.frame import Frame, Transform, robot_plane
 from gapeval.report.text import best_table, metrics_table, short
 from gapeval.results import tables
-from gapeval.results.files import whole_file
 from gapeval.results.from_detections import at_labelled_stamps, score_detections
 from gapeval.results.from_sweep import log_names
 from gapeval.results.store import open_store
@@ -268,9 +268,10 @@ def test_the_best_row_of_each_log_is_marked(tmp_path):
         [answer(hits=2, false_gaps=2), answer(hits=2, false_gaps=1), answer(hits=1)],
         [answer(hits=2, tp=1), answer(hits=2, tp=2), answer(hits=2, tp=1)],
         [answer(hits=2, covered=1.0), answer(hits=2, covered=2.0), answer(hits=2, covered=1.5)],
-        [answer(hits=2, false_gaps=1, tp=4, covered=4.0), answer(hits=2), answer(hits=1, tp=4)],
+        [answer(hits=4, covered=4.0), answer(hits=1, tp=2, false_gaps=1), answer(hits=4, tp=1)],
+        [answer(hits=1, tp=1, covered=4.0), answer(hits=2, tp=1), answer(hits=1, tp=1)],
     ],
-    ids=["hit rate", "false gaps", "pq", "coverage", "in this order"],
+    ids=["hit rate", "false gaps", "pq", "coverage", "pq before all", "then hits"],
 )
 def test_what_is_best(tmp_path, answers):
     store = write(tmp_path, [("a.bag", 1, answers)])
@@ -373,7 +374,7 @@ def test_a_folder_that_cannot_be_written_is_named_in_one_line(tmp_path):
         with pytest.raises(GapevalError) as caught, open_store(folder, POINTS):
             pass
         assert str(caught.value).startswith(f"{folder}: cannot write here: ")
-        assert str(caught.value).endswith("choose another folder with -o")
+        assert str(caught.value).endswith("choose another folder")
         assert "\n" not in str(caught.value)
 
 

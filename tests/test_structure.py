@@ -17,11 +17,13 @@ FLOORS = [
     "traversability",
     "detection",
     "visibility",
+    "simulate",
     "labels",
     "detections",
     "logs",
     "frame",
     "config",
+    "files",
     "errors",
 ]
 

@@ -7,10 +7,12 @@ from typing import Any
 import click
 
 from gapeval import __version__
+from gapeval.cli.demo import demo
 from gapeval.cli.detect import detect
 from gapeval.cli.info import info
 from gapeval.cli.labels import labels
 from gapeval.cli.score import score
+from gapeval.cli.simulate import simulate
 from gapeval.cli.sweep import sweep
 from gapeval.errors import ConfigError, GapevalError
 
@@ -41,7 +43,7 @@ def cli(context: click.Context, debug: bool, verbose: bool) -> None:
     context.obj = {"debug": debug, "verbose": verbose}
 
 
-for _command in (info, detect, score, sweep, labels):
+for _command in (info, detect, score, sweep, labels, simulate, demo):
     cli.add_command(_command)
 
 

@@ -10,8 +10,26 @@ from gapeval.cli.options import PATH, configuration, log_options
 @click.command()
 @click.argument("log", type=PATH)
 @click.option("-o", "--output", type=PATH, required=True, metavar="FILE", help="Detections, GeoJSON.")
+@click.option("--picture", type=PATH, metavar="FILE", help="Also draw one frame from above, PNG.")
+@click.option("--stages", type=PATH, metavar="FILE", help="Also draw its polar image step by step, PNG.")
+@click.option(
+    "--frame",
+    "number",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Frame to draw, from 0 in the order of stamps; default: 0.",
+)
+@click.option("--labels", type=PATH, metavar="FILE", help="Draw these labels in the picture too.")
 @log_options
-def detect(log: Path, output: Path, **options: str) -> None:
+def detect(
+    log: Path,
+    output: Path,
+    picture: Path | None,
+    stages: Path | None,
+    number: int | None,
+    labels: Path | None,
+    **options: str,
+) -> None:
     """Detect gaps, and where they could be crossed, with one configuration.
 
     Writes one GeoJSON feature per gap and frame, in the robot frame; `gapeval score` reads it.
@@ -19,18 +37,24 @@ def detect(log: Path, output: Path, **options: str) -> None:
     \b
     Example:
       gapeval detect drive.mcap -o detections.geojson --config configs/paper.yaml -p delta_r=1.05
+      gapeval detect drive.mcap -o detections.geojson --picture frame.png --frame 12 --labels gaps.geojson
+      gapeval detect drive.mcap -o detections.geojson --stages stages.png --frame 12
     """
-    from gapeval.cli.reading import open_logs, progress_bar, say, say_newly_refused
-    from gapeval.results.files import make_folder
-    from gapeval.results.to_detections import check_replaceable, detect_log
-    from gapeval.sweep.grid import the_one
+    _check_usage(output, picture, stages, number, labels)
+    from gapeval.cli.detecting import detect_gaps
 
     config = configuration(**options)  # type: ignore[arg-type]
-    the_one(config)  # before anything is read
-    check_replaceable(output)
-    make_folder(output.parent)
-    (recording,) = open_logs([log], config.log)
-    with progress_bar("detect", len(recording.scans), "frames") as bar:
-        done = detect_log(config, recording, output, bar.update)
-    say_newly_refused(recording, done.refused)
-    say(f"{output}: {done.gaps} gaps in {done.frames} frames, configuration {done.configuration}")
+    detect_gaps(config, log, output, picture, stages, number or 0, labels)
+
+
+def _check_usage(
+    output: Path, picture: Path | None, stages: Path | None, number: int | None, labels: Path | None
+) -> None:
+    """Raises UsageError for options without the picture that they are of, or a file named twice."""
+    if labels and not picture:
+        raise click.UsageError("--labels are drawn in --picture FILE; name one")
+    if number is not None and not (picture or stages):
+        raise click.UsageError("--frame is the frame to draw; name --picture FILE or --stages FILE")
+    files = [path.resolve() for path in (output, picture, stages) if path]
+    if len(set(files)) < len(files):
+        raise click.UsageError("-o, --picture and --stages are different files; one is named twice")

@@ -86,9 +86,9 @@ def image(
     """
     from gapeval.cli.reading import open_logs, progress_bar, say
     from gapeval.detections import read_detections
+    from gapeval.files import make_folder
     from gapeval.labels import read_labels, require_frames
     from gapeval.report import birdseye
-    from gapeval.results.files import make_folder
 
     config = configuration(**options)  # type: ignore[arg-type]
     drawn = read_labels(labels) if labels else None

@@ -15,10 +15,10 @@ from shapely.geometry.base import BaseGeometry
 from gapeval.config import Robot
 from gapeval.detections import Detections
 from gapeval.errors import GapevalError
+from gapeval.files import UNFINISHED
 from gapeval.frame import FloatArray, Frame, Plane, Transform, robot_plane
 from gapeval.labels import Labels, place
 from gapeval.logs.read import Recording, read_frames
-from gapeval.results.files import UNFINISHED
 from gapeval.visibility import without_body
 
 LOW, HIGH = -1.0, 1.0  # m above the ground: the ends of the colour scale

@@ -50,10 +50,14 @@ def best_table(store: Store) -> str:
 
 
 def _no_ranking(store: Store) -> str:
-    if any(store.sums(point).get("scored_frames") for point in store.points):
+    found = [figures(store.sums(point))["fp_per_frame"] for point in store.points]
+    false_gaps = [figure for figure in found if figure is not None]
+    if false_gaps:
         return (
             "No label was asked for: in no frame is enough of one in view and in the domain, which is\n"
-            "scoring.domain or the largest x_min ... r_max of the grid. labels.csv says how each was seen."
+            "scoring.domain or the largest x_min ... r_max of the grid. labels.csv says how each was seen.\n"
+            f"False gaps per frame: {short(min(false_gaps))} to {short(max(false_gaps))}; "
+            "see fp_per_frame in summary.csv."
         )
     return "No labels, so no configuration is better than another."
 
@@ -84,6 +88,11 @@ def columns(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         for row in (head, *rows)
     ]
     return "\n".join(lines)
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 frame`, `2 frames`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def short(value: Any) -> str:

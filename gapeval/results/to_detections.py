@@ -8,10 +8,10 @@ from typing import Any
 
 from gapeval.config import Config
 from gapeval.detections import OPENING, DetectedFrame, write_detections
-from gapeval.errors import GapevalError
+from gapeval.errors import ConfigError, GapevalError
+from gapeval.files import whole_file
 from gapeval.frame import Frame
 from gapeval.logs.read import Recording, frame_digest, read_frames
-from gapeval.results.files import whole_file
 from gapeval.results.manifest import LogTally
 from gapeval.scoring.scene import common_domain
 from gapeval.sweep.evaluation import Question, detected
@@ -37,6 +37,24 @@ def check_replaceable(output: Path) -> None:
         with output.open("rb") as file:
             if not file.read(len(OPENING)).decode("utf-8", "replace").startswith(OPENING):
                 raise GapevalError(f"{output}: exists and is no detections file; name another with -o")
+
+
+def one_frame(recording: Recording, number: int) -> Frame:
+    """The cloud at this place among the log's, from 0 in the order of their stamps.
+
+    Raises ConfigError where there is none, GapevalError if it cannot be used.
+    """
+    count = len(recording.scans)
+    if number >= count:
+        raise ConfigError(
+            f"{recording.path}: no frame {number}: the log has {count}; choose --frame from 0 to {count - 1}"
+        )
+    (item,) = read_frames(recording, number, number + 1)
+    if isinstance(item, Frame):
+        return item
+    raise GapevalError(
+        f"{recording.path}: frame {number} (stamp {item.stamp}): {item}; choose another --frame"
+    )
 
 
 def detect_log(config: Config, recording: Recording, output: Path, advance: Callable[[], object]) -> Detected:

@@ -19,9 +19,7 @@ def make_folder(folder: Path) -> None:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        raise GapevalError(
-            f"{folder}: cannot write here: {error.strerror}; choose another folder with -o"
-        ) from error
+        raise GapevalError(f"{folder}: cannot write here: {error.strerror}; choose another folder") from error
 
 
 @contextmanager

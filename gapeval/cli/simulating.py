@@ -1,0 +1,22 @@
+"""Simulate a log for a command: progress while rays are cast, one line on what was written."""
+
+from pathlib import Path
+
+from gapeval.cli.reading import progress_bar, say
+from gapeval.simulate.casting import has_embree
+from gapeval.simulate.simulation import Simulation, simulation, write_simulation
+
+
+def simulate_log(
+    scene: str, sensor: str, frames: int | None, seed: int, container: str, folder: Path
+) -> tuple[Simulation, Path, Path]:
+    """The simulation, its log and its labels."""
+    if not has_embree():
+        say("embreex is not installed here: casting rays by trimesh alone, which takes minutes per cloud")
+    simulated = simulation(scene, sensor, frames, seed)
+    with progress_bar(f"simulate {scene}", simulated.frames, "clouds") as bar:
+        log, labels = write_simulation(simulated, folder, container, bar.update)
+    say(
+        f"{log}: {simulated.frames} clouds by {sensor}, seed {seed}; {labels}: {len(simulated.labels)} labels"
+    )
+    return simulated, log, labels

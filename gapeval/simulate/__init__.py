@@ -1,0 +1,1 @@
+"""Simulated logs with exact labels: scenes, robots with sensors, ray casting."""
