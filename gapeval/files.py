@@ -53,3 +53,15 @@ def whole_file(path: Path) -> Iterator[IO[str]]:
     """One file, whole or not there."""
     with whole_files(path.parent, (path.name,)) as files:
         yield files[path.name]
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """One file of bytes, whole or not there. Raises GapevalError."""
+    unfinished = path.with_name(path.name + UNFINISHED)
+    try:
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
+    except OSError as error:
+        raise GapevalError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        unfinished.unlink(missing_ok=True)

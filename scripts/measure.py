@@ -105,6 +105,7 @@ def tunnel(work: Path) -> str:
     page = with_part(page, "grid", "\n\n".join(parts))
     page = with_part(page, "paper", papers_row(overall, complete))
     page = with_part(page, "labels", hits_by_label(work / "tunnel", overall))
+    page = with_part(page, "barrel", barrel(work))
     return with_part(page, "sources", table(["k", "delta_r", *SOURCES], sources_of_false_gaps()))
 
 
@@ -163,6 +164,31 @@ def hits_by_label(folder: Path, overall: Sequence[Row]) -> str:
             ]
         )
     return table(["gap", "asked for", "hit", "median coverage", "range [m]", "width [m]"], body)
+
+
+def barrel(work: Path) -> str:
+    """The second scenario: what becomes of the small gap ahead."""
+    logs = [simulated(work / f"barrel{seed}", "barrel", "lms151", seed) for seed in TUNNEL_SEEDS]
+    swept(work / "barrel", logs, "paper.yaml", k=(6, 7, 8), delta_r=(1.05, 1.1))
+    labels = rows(work / "barrel" / "labels.csv")
+    body = []
+    for row in rows(work / "barrel" / "summary.csv"):
+        if row["log"] != "all":
+            continue
+        ahead = [
+            label
+            for label in labels
+            if label["configuration"] == row["configuration"] and label["label"] == "front" and label["hit"]
+        ]
+        found = sum(int(label["gaps"]) > 0 for label in ahead) / len(ahead)
+        hit = sum(label["hit"] == "true" for label in ahead) / len(ahead)
+        shares = [float(label["covered_area"]) / float(label["visible_area"]) for label in ahead]
+        figures = [figure(row[name]) for name in ("hit_rate", "fp_per_frame", "npca_accuracy")]
+        body.append(
+            [row["k"], row["delta_r"], f"{found:.2f}", f"{hit:.2f}", f"{np.median(shares):.2f}", *figures]
+        )
+    head = ["k", "delta_r", "gap ahead: found", "hit", "median coverage", "hit_rate", "fp_per_frame"]
+    return table([*head, "npca_accuracy"], body)
 
 
 def sources_of_false_gaps() -> list[list[object]]:

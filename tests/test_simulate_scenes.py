@@ -169,6 +169,22 @@ def test_people_pass_before_c_and_d_alone(robot):
             assert not any(a.outline.intersects(b.outline) for a, b in combinations(people, 2))
 
 
+LAY_OUT = """
+from gapeval.simulate.layouts import SCENES
+from gapeval.simulate.simulation import simulation
+for name in SCENES:
+    for sensor in ("lms151", "vlp16"):
+        for seed in range(400):
+            simulation(name, sensor, 17, seed)
+"""
+
+
+def test_every_seed_can_be_laid_out():
+    """Nobody looks for ever for room that there is not."""
+    done = subprocess.run([sys.executable, "-c", LAY_OUT], timeout=60)
+    assert done.returncode == 0
+
+
 def test_only_the_street_has_people():
     for name in set(SCENES) - {"street"}:
         assert not any(simulation(name, "lms151", 8, 0).scene.passing)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from gapeval.cli.reading import open_logs, progress_bar, say, say_newly_refused
 from gapeval.config import Config, Configuration
-from gapeval.files import make_folder
+from gapeval.files import make_folder, write_whole
 from gapeval.labels import Labels, read_labels, require_frames
 from gapeval.logs.read import Recording
 from gapeval.results.to_detections import check_replaceable, detect_log, one_frame
@@ -25,7 +25,7 @@ def detect_gaps(
     check_replaceable(output)
     pictures = [path for path in (picture, stages) if path]
     if pictures:  # matplotlib is not imported for less
-        from gapeval.report.pictures import check_picture, write_picture
+        from gapeval.report.pictures import check_picture
 
         for path in pictures:
             check_picture(path)
@@ -39,7 +39,7 @@ def detect_gaps(
     say_newly_refused(recording, done.refused)
     say(f"{output}: {done.gaps} gaps in {done.frames} frames, configuration {done.configuration}")
     for path, content in contents.items():
-        write_picture(path, content)
+        write_whole(path, content)
         say(f"wrote {path}")
 
 

@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from gapeval.config import Robot
 from gapeval.detections import Detections
 from gapeval.errors import GapevalError
-from gapeval.files import UNFINISHED
+from gapeval.files import write_whole
 from gapeval.frame import FloatArray, Frame, Plane, Transform, robot_plane
 from gapeval.labels import Labels, place
 from gapeval.logs.read import Recording, read_frames
@@ -63,13 +63,7 @@ class Picture:
             (sidecar, (json.dumps(about, indent=2) + "\n").encode()),
             (picture, encoded.tobytes()),
         ):
-            unfinished = path.with_name(path.name + UNFINISHED)
-            try:
-                unfinished.write_bytes(content)
-                unfinished.replace(path)
-            except OSError as error:
-                unfinished.unlink(missing_ok=True)
-                raise GapevalError(f"{path}: cannot be written: {error.strerror}") from error
+            write_whole(path, content)
         return picture, world, sidecar
 
 

@@ -5,12 +5,14 @@ import sqlite3
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
+from rosbags.typesys.store import Typestore
 
 from gapeval.errors import LogError
 from gapeval.files import UNFINISHED
@@ -52,27 +54,24 @@ def _write_mcap(path: Path, messages: Iterable[Message]) -> None:
 def _write_ros1(path: Path, messages: Iterable[Message]) -> None:
     store = ros1_types()
     with Ros1Writer(path) as writer:
-        connections = {}
-        for message in messages:
-            if message.topic not in connections:
-                connections[message.topic] = writer.add_connection(
-                    message.topic, message.type, typestore=store
-                )
-            raw = store.serialize_ros1(ros_message(store, message), message.type)
-            writer.write(connections[message.topic], message.stamp + DELAY, raw)
+        _write_bag(writer, store, store.serialize_ros1, messages)
 
 
 def _write_ros2(path: Path, messages: Iterable[Message]) -> None:
     store = ros2_types()
     with Ros2Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        connections = {}
-        for message in messages:
-            if message.topic not in connections:
-                connections[message.topic] = writer.add_connection(
-                    message.topic, message.type, typestore=store
-                )
-            raw = store.serialize_cdr(ros_message(store, message), message.type)
-            writer.write(connections[message.topic], message.stamp + DELAY, raw)
+        _write_bag(writer, store, store.serialize_cdr, messages)
+
+
+def _write_bag(
+    writer: Any, store: Typestore, serialize: Callable[[Any, str], Any], messages: Iterable[Message]
+) -> None:
+    connections: dict[str, Any] = {}
+    for message in messages:
+        if message.topic not in connections:
+            connections[message.topic] = writer.add_connection(message.topic, message.type, typestore=store)
+        raw = serialize(ros_message(store, message), message.type)
+        writer.write(connections[message.topic], message.stamp + DELAY, raw)
 
 
 _WRITERS: dict[str, Callable[[Path, Iterable[Message]], None]] = {

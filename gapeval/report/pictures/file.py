@@ -1,9 +1,8 @@
-"""The file of a picture: whole or not there, and in the place of nothing but a picture."""
+"""The file of a picture: in the place of nothing but a picture."""
 
 from pathlib import Path
 
 from gapeval.errors import GapevalError
-from gapeval.files import UNFINISHED
 
 PNG = b"\x89PNG\r\n\x1a\n"  # how such a file begins
 
@@ -21,14 +20,3 @@ def check_picture(path: Path) -> None:
         raise GapevalError(f"{path}: cannot be replaced: {error.strerror}; name another file") from error
     if not ours:
         raise GapevalError(f"{path}: exists and is no PNG picture; name another file")
-
-
-def write_picture(path: Path, content: bytes) -> None:
-    """The whole file or none. Raises GapevalError if it cannot be written."""
-    unfinished = path.with_name(path.name + UNFINISHED)
-    try:
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
-    except OSError as error:
-        unfinished.unlink(missing_ok=True)
-        raise GapevalError(f"{path}: cannot be written: {error.strerror}") from error
