@@ -164,12 +164,13 @@ def test_mcap_s_own_reader_finds_the_channels(made):
     with (made["mcap"] / "tunnel.mcap").open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         summary = reader.get_summary()
-        stamps = [message.log_time for _, _, message in reader.iter_messages()]
+        stamps = [message.log_time for _, _, message in reader.iter_messages(log_time_order=False)]
     kinds = {c.topic: summary.schemas[c.schema_id].name for c in summary.channels.values()}
     assert kinds == {"/points": CLOUD, "/tf": TF, "/tf_static": TF}
     assert {c.message_encoding for c in summary.channels.values()} == {"cdr"}
     assert {s.encoding for s in summary.schemas.values()} == {"ros2msg"}
     assert len(stamps) == summary.statistics.message_count
+    assert stamps == sorted(stamps), "not written in the order of time"
 
 
 # The command
@@ -278,8 +279,17 @@ def test_nothing_unfinished_is_left_behind(tmp_path, made, container, reason):
         assert not [p for p in folder.rglob("*") if p.name.endswith(".part")]
 
 
+# A job in the background of a shell is born deaf to Ctrl-C.
+LISTENING = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from gapeval.cli import main
+main(sys.argv[1:])
+"""
+
+
 def test_ctrl_c_leaves_nothing_behind(tmp_path):
-    command = [sys.executable, "-m", "gapeval", "simulate", "plain", "--sensor", "vlp16", "--frames", "400"]
+    command = [sys.executable, "-c", LISTENING, "simulate", "plain", "--sensor", "vlp16", "--frames", "400"]
     process = subprocess.Popen([*command, "-o", tmp_path / "out"], stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 60
     while not list((tmp_path / "out").glob("plain*")) and time.monotonic() < end:
@@ -287,7 +297,8 @@ def test_ctrl_c_leaves_nothing_behind(tmp_path):
     time.sleep(0.3)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130
+    # Python itself dies of the signal where it came within an exec(), as of a message's definition.
+    assert process.returncode in (130, -signal.SIGINT)
     assert "interrupted" in err
     assert contents(tmp_path / "out") == {}
 

@@ -49,7 +49,7 @@ def drive(scene: Scene, sensor: Sensor) -> Drive:
             times.append(times[-1] + max(float(np.hypot(*step[:2])) / SPEED, float(step[2]) / TURN))
             places.append(place)
         times.append(times[-1] + stay)
-        places.append(stop)
+        places.append(places[-1])
         departures.append(times[-1])
     # Stamps lie on whole milliseconds; poses, at 3.14 ms past every 20, do not.
     stamps = START + np.round((np.array(departures) - PAUSE) * 1e3).astype(np.int64) * 10**6
@@ -64,7 +64,8 @@ def _way(start: FloatArray, end: FloatArray) -> list[FloatArray]:
         return [end]
     turn = np.remainder(np.arctan2(away[1], away[0]) - yaw + np.pi / 2, np.pi) - np.pi / 2  # or backwards
     heading = yaw + turn
-    return [np.array([x, y, heading]), np.array([*end[:2], heading]), end]
+    there = heading + np.remainder(end[2] - heading + np.pi, 2 * np.pi) - np.pi  # the short way round
+    return [np.array([x, y, heading]), np.array([*end[:2], heading]), np.array([*end[:2], there])]
 
 
 def pose(ground: Ground, robot: Robot, place: FloatArray) -> Transform:

@@ -27,6 +27,7 @@ from gapeval.simulate.scene import (
 ROUGH = 0.01  # m, standard deviation of the ground
 LEVEL = np.zeros((1, 2))
 PAPERS_ROBOT = Robot().length
+TRIES = 2000  # to place things at random
 
 Build = Callable[[np.random.Generator, Robot, int], Scene]
 
@@ -66,7 +67,7 @@ def street(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
     shapes = {
         "trench": rectangle((0.0, 3.2), (5.0, 0.9), random.uniform(-0.15, 0.15)),
         "pit": rectangle((3.7, -0.6), (1.6, 1.2), random.uniform(-0.3, 0.3)),
-        "drain": rectangle((-3.1, -1.0), (0.5, 2.4), random.uniform(-0.2, 0.2)),
+        "drain": rectangle((-3.3, -1.0), (0.5, 2.4), random.uniform(-0.2, 0.2)),
         "corner": shapely.Polygon(
             np.array([[-0.8, -4.9], [1.5, -4.9], [1.5, -4.3], [-0.1, -4.3], [-0.1, -3.4], [-0.8, -3.4]])
             + random.uniform(-0.1, 0.1, 2)
@@ -123,9 +124,9 @@ def approach(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
 def plain(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
     """Nothing but rough ground: every gap that is found is false."""
     stops = np.zeros((frames, 3))
-    stops[:, 0] = 0.5 * np.arange(frames)
+    stops[:, 0] = 5.0 - np.abs(0.5 * np.arange(frames) % 10.0 - 5.0)  # to and fro
     stops[:, 1:] = random.uniform(-0.1, 0.1, (frames, 2))
-    ground = Ground(LEVEL, roughness(random, ROUGH), (-6.0, -12.0, 12.0 + 0.5 * frames, 12.0))
+    ground = Ground(LEVEL, roughness(random, ROUGH), (-6.0, -12.0, 17.0, 12.0))
     return Scene(ground, (), (), stops)
 
 
@@ -212,31 +213,39 @@ def _debris(
     random: np.random.Generator, scale: float, holes: tuple[Hole, ...], solids: tuple[Solid, ...]
 ) -> tuple[Solid, ...]:
     """Eight lumps that lie on the ground, clear of gaps, wreck, walls and robot."""
-    taken = shapely.union_all([*(hole.outline for hole in holes), *(solid.outline for solid in solids)])
-    taken = shapely.union(taken, shapely.Point(0, 0).buffer(0.8 * scale))
-    lumps: list[Solid] = []
-    while len(lumps) < 8:
+
+    def lump() -> Solid:
         x, y = scale * random.uniform([0.3, -2.8], [3.4, 2.8])
         size, height, yaw = random.uniform(0.1, 0.35, 2), random.uniform(0.05, 0.3), random.uniform(0, np.pi)
-        lump = block((float(x), float(y)), (float(size[0]), float(size[1])), (-0.1, height), yaw)
-        if lump.outline.distance(taken) > 0.1:
-            lumps.append(lump)
-            taken = shapely.union(taken, lump.outline)
-    return tuple(lumps)
+        return block((float(x), float(y)), (float(size[0]), float(size[1])), (-0.1, height), yaw)
+
+    robot = shapely.Point(0, 0).buffer(0.8 * scale)
+    taken = [*(hole.outline for hole in holes), *(solid.outline for solid in solids), robot]
+    return _clear_of(shapely.union_all(taken), 8, lump)
 
 
 def _people(random: np.random.Generator, stop: FloatArray, holes: tuple[Hole, ...]) -> tuple[Solid, ...]:
     """Two people in front of the robot, on firm ground."""
-    taken = shapely.union_all([hole.outline for hole in holes])
-    people: list[Solid] = []
-    while len(people) < 2:
-        bearing, distance = stop[2] + random.uniform(-0.5, 0.5), random.uniform(1.2, 2.2)
+
+    def person() -> Solid:
+        bearing, distance = stop[2] + random.uniform(-0.5, 0.5), random.uniform(1.05, 2.2)
         x, y = stop[0] + distance * np.cos(bearing), stop[1] + distance * np.sin(bearing)
-        person = column((float(x), float(y)), 0.22, 1.75)
-        if person.outline.distance(taken) > 0.1:
-            people.append(person)
-            taken = shapely.union(taken, person.outline)
-    return tuple(people)
+        return column((float(x), float(y)), 0.22, 1.75)
+
+    return _clear_of(shapely.union_all([hole.outline for hole in holes]), 2, person)
+
+
+def _clear_of(taken: shapely.Geometry, count: int, draw: Callable[[], Solid]) -> tuple[Solid, ...]:
+    """So many of what is drawn, 10 cm clear of what is there and of each other; fewer if there is no room."""
+    placed: list[Solid] = []
+    for _ in range(TRIES):
+        thing = draw()
+        if thing.outline.distance(taken) > 0.1:
+            placed.append(thing)
+            taken = shapely.union(taken, thing.outline)
+        if len(placed) == count:
+            break
+    return tuple(placed)
 
 
 def _shuffled(random: np.random.Generator, frames: int, scale: float) -> FloatArray:

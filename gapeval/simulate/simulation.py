@@ -100,6 +100,7 @@ def write_simulation(
     _require_replaceable(log, labels, simulated.about)
     with whole_file(labels) as file:
         file.write(labels_text(simulated.labels, FIXED, simulated=simulated.about))
+        file.flush()  # a disk without room for them should not get a log without labels
         write_log(log, container, _messages(simulated, advance))
     return log, labels
 

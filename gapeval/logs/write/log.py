@@ -9,6 +9,7 @@ from typing import Any
 
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
@@ -16,8 +17,20 @@ from rosbags.typesys.store import Typestore
 
 from gapeval.errors import LogError
 from gapeval.files import UNFINISHED
-from gapeval.logs.write.message import Message, ros1_types, ros2_types, ros_message
+from gapeval.logs.write.message import TF_STATIC, Message, ros1_types, ros2_types, ros_message
 
+# What ROS 2 calls latched: late listeners get the last message.
+LATCHED = Qos(
+    QosHistory.KEEP_LAST,
+    1,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    QosTime(0, 0),
+    QosTime(0, 0),
+    QosLiveliness.AUTOMATIC,
+    QosTime(0, 0),
+    avoid_ros_namespace_conventions=False,
+)
 DELAY = 2_000_000  # ns from a message's stamp to its recording
 
 
@@ -54,22 +67,30 @@ def _write_mcap(path: Path, messages: Iterable[Message]) -> None:
 def _write_ros1(path: Path, messages: Iterable[Message]) -> None:
     store = ros1_types()
     with Ros1Writer(path) as writer:
-        _write_bag(writer, store, store.serialize_ros1, messages)
+        _write_bag(writer, store, store.serialize_ros1, {"latching": 1}, messages)
 
 
 def _write_ros2(path: Path, messages: Iterable[Message]) -> None:
     store = ros2_types()
     with Ros2Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        _write_bag(writer, store, store.serialize_cdr, messages)
+        _write_bag(writer, store, store.serialize_cdr, {"offered_qos_profiles": [LATCHED]}, messages)
 
 
 def _write_bag(
-    writer: Any, store: Typestore, serialize: Callable[[Any, str], Any], messages: Iterable[Message]
+    writer: Any,
+    store: Typestore,
+    serialize: Callable[[Any, str], Any],
+    latched: dict[str, Any],
+    messages: Iterable[Message],
 ) -> None:
+    """latched: how a topic is declared whose last message late listeners are to get."""
     connections: dict[str, Any] = {}
     for message in messages:
         if message.topic not in connections:
-            connections[message.topic] = writer.add_connection(message.topic, message.type, typestore=store)
+            options = latched if message.topic == TF_STATIC else {}
+            connections[message.topic] = writer.add_connection(
+                message.topic, message.type, typestore=store, **options
+            )
         raw = serialize(ros_message(store, message), message.type)
         writer.write(connections[message.topic], message.stamp + DELAY, raw)
 
@@ -88,6 +109,7 @@ def _whole(path: Path) -> Iterator[Path]:
     """Another place to write under the same name, from which it is moved when all went well."""
     unfinished = path.with_name(path.name + UNFINISHED)
     try:
+        _require_log(path)
         shutil.rmtree(unfinished, ignore_errors=True)
         unfinished.mkdir()
         yield unfinished / path.name
@@ -99,12 +121,16 @@ def _whole(path: Path) -> Iterator[Path]:
         shutil.rmtree(unfinished, ignore_errors=True)
 
 
-def _remove(path: Path) -> None:
-    """An earlier log. Raises LogError for a folder that holds anything else."""
+def _require_log(path: Path) -> None:
+    """Raises LogError rather than replace a folder that holds anything but a log."""
     if not path.is_dir():
-        path.unlink(missing_ok=True)
         return
-    others = [file.name for file in path.iterdir() if file.suffix not in (".db3", ".yaml")]
-    if others:
+    if others := [file.name for file in path.iterdir() if file.suffix not in (".db3", ".yaml")]:
         raise LogError(f"{path}: holds {others[0]}, which is no part of a log; choose another folder")
-    shutil.rmtree(path)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -12,6 +12,7 @@ from gapeval.frame import Transform
 
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 TF = "tf2_msgs/msg/TFMessage"
+TF_TOPIC, TF_STATIC = "/tf", "/tf_static"
 FLOAT32 = 7  # of sensor_msgs/PointField
 
 
@@ -48,7 +49,7 @@ class Links:
 
     @property
     def topic(self) -> str:
-        return "/tf_static" if self.is_static else "/tf"
+        return TF_STATIC if self.is_static else TF_TOPIC
 
 
 Message = Cloud | Links
