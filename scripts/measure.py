@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-import gapeval
+import gapeval.detection
 from gapeval.config import Configuration, Detector
 from gapeval.frame import Frame
 from gapeval.simulate.sensors import SENSORS, Noise
@@ -103,10 +103,11 @@ def tunnel(work: Path) -> str:
     page = (DOCS / "tunnel.md").read_text(encoding="utf-8")
     parts = [tunnel_grid(overall, complete, n_o) for n_o in N_O]
     page = with_part(page, "grid", "\n\n".join(parts))
-    page = with_part(page, "paper", papers_row(overall, complete))
+    page = with_part(page, "paper", papers_rows(overall, complete))
     page = with_part(page, "labels", hits_by_label(work / "tunnel", overall))
     page = with_part(page, "barrel", barrel(work))
-    return with_part(page, "sources", table(["k", "delta_r", *SOURCES], sources_of_false_gaps()))
+    page = with_part(page, "empty", empty_cells())
+    return with_part(page, "sources", sources_of_false_gaps())
 
 
 def pictures(work: Path, log: Log) -> None:
@@ -129,13 +130,16 @@ def tunnel_grid(overall: Sequence[Row], complete: Counter[str], n_o: int) -> str
     return f"### n_o {n_o}\n\n" + table(["k", *(f"delta_r {delta_r}" for delta_r in DELTA_R)], body)
 
 
-def papers_row(overall: Sequence[Row], complete: Counter[str]) -> str:
-    """Every metric that matters at the paper's values."""
-    row = next(row for row in overall if all(row[key] == value for key, value in PAPER.items()))
+def papers_rows(overall: Sequence[Row], complete: Counter[str]) -> str:
+    """The metrics that matter at the paper's values, and beside them with other n_o."""
     names = ("hit_rate", "fp_per_frame", "coverage", "over_area", "pq", "splits", "merges")
     names += ("npca_accuracy", "npca_length_error", "npca_yaw_error")
-    body = [[figure(row[name], 3) for name in names] + [complete[row["configuration"]]]]
-    return table([*names, "layouts without a miss, of 20"], body)
+    body = [
+        [row["n_o"], *(figure(row[name], 3) for name in names), complete[row["configuration"]]]
+        for row in overall
+        if all(row[key] == value for key, value in PAPER.items() if key != "n_o")
+    ]
+    return table(["n_o", *names, "layouts without a miss, of 20"], body)
 
 
 def hits_by_label(folder: Path, overall: Sequence[Row]) -> str:
@@ -191,32 +195,55 @@ def barrel(work: Path) -> str:
     return table([*head, "npca_accuracy"], body)
 
 
-def sources_of_false_gaps() -> list[list[object]]:
+def sources_of_false_gaps() -> str:
     """False gaps per frame on `plain`, with parts of the simulation left out."""
-    return [
-        [k, delta_r, *(f"{false_gaps(k, delta_r, *left_out):.1f}" for left_out in SOURCES.values())]
-        for k, delta_r in ((6, 1.1), (6, 1.05), (8, 1.1))
-    ]
+    frames = {name: plain_frames(*parts) for name, parts in SOURCES.items()}
+    body = []
+    for edge in ("data", "zero"):
+        for k, delta_r in ((6, 1.1), (6, 1.05), (8, 1.1)):
+            detector = Detector(k=k, delta_r=delta_r, edge=edge)
+            counts = [
+                np.mean([len(found.gaps) for found in detections(frames[name], detector)]) for name in SOURCES
+            ]
+            body.append([edge, k, delta_r, *(f"{count:.1f}" for count in counts)])
+    return table(["edge", "k", "delta_r", *SOURCES], body)
 
 
-def false_gaps(k: int, delta_r: float, rough: bool, filtered: bool, noisy: bool) -> float:
-    """Gaps per frame that the paper's laser finds where there is none."""
-    configuration = Configuration(detector=Detector(k=k, delta_r=delta_r), robot=SENSORS["lms151"].robot)
-    found = []
+def empty_cells() -> str:
+    """Share of the cells in the box that no echo meets, and the regions that they form."""
+    body = []
+    for rate, r_max in ((1.2, 3.0), (0.6, 3.0), (1.2, 10.0)):
+        frames = plain_frames(*SOURCES["sampling alone"], rate)
+        for k in (5, 6, 7, 8):
+            found = detections(frames, Detector(k=k, n_o=0, r_max=r_max))
+            empty = [one.surface.gap.cells.sum() / one.surface.seen.cells.sum() for one in found]
+            regions = [len(one.gaps) for one in found]
+            body.append([rate, r_max, k, f"{np.mean(empty):.3f}", f"{np.mean(regions):.1f}"])
+    return table(["roll [rad/s]", "R [m]", "k", "empty cells", "regions"], body)
+
+
+def detections(frames: Sequence[Frame], detector: Detector) -> list[gapeval.detection.Detection]:
+    configuration = Configuration(detector=detector, robot=SENSORS["lms151"].robot)
+    return [gapeval.detect(frame, configuration) for frame in frames]
+
+
+def plain_frames(rough: bool, filtered: bool, noisy: bool, rate: float = 1.2) -> list[Frame]:
+    """`plain` as the rolling laser sees it; rate: of its roll [rad/s]."""
+    frames = []
     for seed in SEEDS:
         simulated = simulation("plain", "lms151", PLAIN_FRAMES, seed)
         scene, sensor = simulated.scene, simulated.sensor
         if not rough:
             flat = replace(scene.ground, waves=np.zeros((1, 4)))
             scene = replace(scene, ground=flat)
+        pattern = replace(sensor.pattern, rolls=(-np.pi / 2, np.pi / 2, rate / 50))
         if not filtered:
-            sensor = replace(sensor, pattern=replace(sensor.pattern, shadow_filter=0.0))
-        if not noisy:
-            sensor = replace(sensor, noise=Noise(0.0))
+            pattern = replace(pattern, shadow_filter=0.0)
+        sensor = replace(sensor, pattern=pattern, noise=sensor.noise if noisy else Noise(0.0))
         for points in clouds(replace(simulated, scene=scene, sensor=sensor)):
             placed = sensor.mount.apply(points.astype(np.float64)).astype(np.float32)
-            found.append(len(gapeval.detect(Frame(0, placed, sensor.mount), configuration).gaps))
-    return float(np.mean(found))
+            frames.append(Frame(0, placed, sensor.mount))
+    return frames
 
 
 # What the design left to measurement
