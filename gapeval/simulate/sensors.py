@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapeval.config import Robot
 from gapeval.frame import FloatArray, Transform
@@ -26,8 +27,8 @@ class Rolling:
     """A planar scanner that rolls about its x axis; a cloud is one pass from side to side.
 
     beams: first and last azimuth in the scan, and their step [rad]. rolls: first and last roll, and the
-    step from scan to scan [rad]. period: of a pass [s]. shadow_filter: an echo is dropped where the line to
-    the echo of a neighbouring beam of its scan meets the beam at less than this angle [rad].
+    step from scan to scan [rad]. period: of a pass [s]. shadow_filter: the echoes of two neighbouring beams
+    of a scan are dropped where the line between them meets the first beam at less than this angle [rad].
     """
 
     beams: tuple[float, float, float]
@@ -46,7 +47,7 @@ class Rolling:
             [np.broadcast_to(x, (len(roll), len(x))), y * np.cos(roll), y * np.sin(roll)], axis=-1
         )
 
-    def kept(self, ranges: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    def kept(self, ranges: FloatArray) -> NDArray[np.bool_]:
         """Which echoes (scans, beams) pass the shadow filter; where there is no echo, range is inf."""
         step = self.beams[2]
         with np.errstate(invalid="ignore"):
@@ -81,7 +82,7 @@ class Spinning:
             axis=-1,
         )
 
-    def kept(self, ranges: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    def kept(self, ranges: FloatArray) -> NDArray[np.bool_]:
         """All echoes."""
         return np.ones(ranges.shape, dtype=np.bool_)
 
