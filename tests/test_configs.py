@@ -16,8 +16,8 @@ def test_a_sensors_file_is_for_its_robot_and_finds_gaps(sensor: str, tmp_path: P
     """In a layout that the file was not chosen on."""
     path = CONFIGS / f"{sensor}.yaml"
     assert load_config(path).robot == SENSORS[sensor].robot
-    gapeval("simulate", "barrel", "--sensor", sensor, "--seed", 77, "--frames", 3, "-o", tmp_path)
-    log, labels = tmp_path / "barrel.mcap", tmp_path / "labels.geojson"
+    gapeval("simulate", "tunnel", "--sensor", sensor, "--seed", 77, "--frames", 3, "-o", tmp_path)
+    log, labels = tmp_path / "tunnel.mcap", tmp_path / "labels.geojson"
     detected = gapeval("detect", log, "-o", tmp_path / "d.geojson", "--config", path)
     assert detected.status == 0
     scored = gapeval("score", tmp_path / "d.geojson", labels)

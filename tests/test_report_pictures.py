@@ -292,8 +292,7 @@ def test_crossings_lead_from_start_to_end(tmp_path: Path, traversable: bool) -> 
     }
     assert tuple(start) in at["START"]
     assert tuple(end) in at["END"]
-    assert (tuple(crossing.centre[1::-1]) in at.get("too_long", [])) is not traversable
-    assert tuple(crossing.centre[1::-1]) in at[str(trench)]
+    assert tuple(crossing.centre[1::-1]) in at[str(trench) if traversable else f"{trench} too_long"]
 
 
 def test_no_word_lies_over_another_in_a_crowd(tmp_path: Path) -> None:
@@ -306,7 +305,7 @@ def test_no_word_lies_over_another_in_a_crowd(tmp_path: Path) -> None:
     assert not any(one.padded(-0.5).overlaps(other) for i, one in enumerate(boxes) for other in boxes[:i])
     written = [text.get_text() for text in words(figure)]
     assert 1 <= written.count("START") <= WORDED
-    assert 1 <= sum(word.isdigit() for word in written) <= CROWD
+    assert 1 <= sum(word[0].isdigit() for word in written) <= CROWD
     arrows = figure.findobj(lambda each: str(each.get_gid()).startswith("crossing "))
     assert len(arrows) == len(found.detection.gaps)
 
@@ -383,7 +382,10 @@ def test_stages_have_the_left_on_the_left_and_far_above(tmp_path: Path) -> None:
             assert np.interp(tick, np.arange(grid.rows + 1), edges) == pytest.approx(
                 float(text.get_text()), abs=1e-6
             )
-        assert axes.get_ylim() == (0, grid.rows)
+        low, high = axes.get_ylim()
+        seen = np.flatnonzero(found.detection.surface.seen.cells.any(axis=1))
+        assert 0 <= low <= seen[0]  # rows near the pole, of which nothing is known, are left out
+        assert high == grid.rows
         (image,) = axes.images
         assert image.origin == "lower"
         assert tuple(image.get_extent()) == (0, grid.width, 0, grid.rows)

@@ -232,7 +232,7 @@ def test_seeds_differ_and_are_repeated(name):
 
     assert outline(3) == outline(3)
     assert len({outline(seed) for seed in SEEDS}) == len(SEEDS)
-    if SCENES[name].build(np.random.default_rng(0), simulation(name, "lms151", 1, 0).sensor.robot, 1).holes:
+    if SCENES[name].build(np.random.default_rng(0), simulation(name, "lms151", 1, 0).sensor, 1).holes:
         holes = {simulation(name, "lms151", 4, seed).scene.holes[0].outline.wkb for seed in SEEDS}
         assert len(holes) == len(SEEDS)
 

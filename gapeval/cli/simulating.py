@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from gapeval.cli.reading import progress_bar, say
+from gapeval.report.text import counted
 from gapeval.simulate.casting import has_embree
 from gapeval.simulate.simulation import Simulation, simulation, write_simulation
 
@@ -17,6 +18,7 @@ def simulate_log(
     with progress_bar(f"simulate {scene}", simulated.frames, "clouds") as bar:
         log, labels = write_simulation(simulated, folder, container, bar.update)
     say(
-        f"{log}: {simulated.frames} clouds by {sensor}, seed {seed}; {labels}: {len(simulated.labels)} labels"
+        f"{log}: {counted(simulated.frames, 'cloud')} by {sensor}, seed {seed}; "
+        f"{labels}: {counted(len(simulated.labels), 'label')}"
     )
     return simulated, log, labels

@@ -25,7 +25,7 @@ def best_table(store: Store) -> str:
     ranked = store.ranked()[:BEST_ROWS]
     if not ranked:
         return _no_ranking(store)
-    title = f"Best of {len(store.points)} configurations, chosen on these data:\n\n"
+    title = f"Best of {counted(len(store.points), 'configuration')}, chosen on these data:\n\n"
     varied = [
         name
         for name in PARAMETERS
@@ -54,8 +54,8 @@ def _no_ranking(store: Store) -> str:
     false_gaps = [figure for figure in found if figure is not None]
     if false_gaps:
         return (
-            "No label was asked for: in no frame is enough of one in view and in the domain, which is\n"
-            "scoring.domain or the largest x_min ... r_max of the grid. labels.csv says how each was seen.\n"
+            "No label was asked for: there is none, or in no frame is enough of one in view and in the\n"
+            "domain, scoring.domain or the largest x_min ... r_max of the grid. labels.csv says how each was seen.\n"
             f"False gaps per frame: {short(min(false_gaps))} to {short(max(false_gaps))}; "
             "see fp_per_frame in summary.csv."
         )

@@ -23,13 +23,14 @@ from gapeval.simulate.scene import (
     roughness,
     turned,
 )
+from gapeval.simulate.sensors import Sensor
 
 ROUGH = 0.01  # m, standard deviation of the ground
 LEVEL = np.zeros((1, 2))
 PAPERS_ROBOT = Robot().length
 TRIES = 2000  # to place things at random
 
-Build = Callable[[np.random.Generator, Robot, int], Scene]
+Build = Callable[[np.random.Generator, Sensor, int], Scene]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +42,9 @@ class Layout:
     build: Build
 
 
-def tunnel(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
+def tunnel(random: np.random.Generator, sensor: Sensor, frames: int) -> Scene:
     """Section 4.1.1, first scenario: closed in by gaps on all sides."""
-    scale = robot.length / PAPERS_ROBOT
+    scale = sensor.robot.length / PAPERS_ROBOT
     front = (0.85, random.uniform(0.6, 0.8), 1.0)
     holes = _around(random, scale, front)
     wreck = _wreck(random, scale)
@@ -51,18 +52,19 @@ def tunnel(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
     return Scene(_ground(random, scale), holes, solids, _shuffled(random, frames, scale))
 
 
-def barrel(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
+def barrel(random: np.random.Generator, sensor: Sensor, frames: int) -> Scene:
     """Section 4.1.1, second scenario: one small gap ahead can be crossed; a barrel shades ground."""
-    scale = robot.length / PAPERS_ROBOT
-    front = (0.75, random.uniform(0.24, 0.29), 0.9)
-    holes = _around(random, scale, front)
-    place = scale * (np.array([1.95, 0.6]) + random.uniform(-0.1, 0.1, 2))
+    scale = sensor.robot.length / PAPERS_ROBOT
+    # As near as the robot has seen the ground on which it would stand before the gap.
+    near = max(0.75 * scale, sensor.first_ground + 0.6 * sensor.robot.length) / scale
+    holes = _around(random, scale, (near, random.uniform(0.24, 0.29), 0.9))
+    place = scale * (np.array([near + 1.2, 0.6]) + random.uniform(-0.1, 0.1, 2))
     drum = column((float(place[0]), float(place[1])), 0.29 * scale, 0.88 * scale)
     solids = (*_tunnel_walls(scale), drum)
     return Scene(_ground(random, scale), holes, solids, _shuffled(random, frames, scale))
 
 
-def street(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
+def street(random: np.random.Generator, sensor: Sensor, frames: int) -> Scene:
     """Section 4.1.2: gaps outdoors, seen from positions a to h around them; people pass before c and d."""
     shapes = {
         "trench": rectangle((0.0, 3.2), (5.0, 0.9), random.uniform(-0.15, 0.15)),
@@ -102,7 +104,7 @@ def street(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
     return Scene(ground, holes, (house, van, *posts), stops, passing)
 
 
-def approach(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
+def approach(random: np.random.Generator, sensor: Sensor, frames: int) -> Scene:
     """The robot drives from 10 m towards trenches of three widths, side by side."""
     widths = random.permutation([0.27, 0.6, 1.2]) * random.uniform(0.92, 1.08, 3)
     holes = tuple(
@@ -113,7 +115,7 @@ def approach(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
         )
         for width, y in zip(widths.tolist(), (-2.2, 0.0, 2.2), strict=True)
     )
-    end = 10.0 - 0.75 * robot.length
+    end = 10.0 - 0.75 * sensor.robot.length
     stops = np.zeros((frames, 3))
     stops[:, 0] = np.linspace(0.0, end, frames)
     stops[:, 1:] = random.uniform(-0.03, 0.03, (frames, 2))
@@ -121,7 +123,7 @@ def approach(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
     return Scene(ground, holes, (), stops)
 
 
-def plain(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
+def plain(random: np.random.Generator, sensor: Sensor, frames: int) -> Scene:
     """Nothing but rough ground: every gap that is found is false."""
     stops = np.zeros((frames, 3))
     stops[:, 0] = 5.0 - np.abs(0.5 * np.arange(frames) % 10.0 - 5.0)  # to and fro
@@ -130,7 +132,7 @@ def plain(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
     return Scene(ground, (), (), stops)
 
 
-def slope(random: np.random.Generator, robot: Robot, frames: int) -> Scene:
+def slope(random: np.random.Generator, sensor: Sensor, frames: int) -> Scene:
     """Up a ramp, over its top and down again: no gap, but ground that falls out of sight like one."""
     angle = np.deg2rad(random.uniform(11, 15))
     top = 3.0 * np.tan(angle)

@@ -36,6 +36,11 @@ class Rolling:
     period: float
     shadow_filter: float
 
+    @property
+    def lowest(self) -> float:
+        """Elevation of the lowest ray [rad]."""
+        return -np.pi / 2
+
     def directions(self, phase: float) -> FloatArray:
         """Rays (scans, beams, 3) in the frame of the laser at roll 0; phase: of the first scan, in steps."""
         first, last, step = self.beams
@@ -68,6 +73,11 @@ class Spinning:
     rings: int
     columns: int
     period: float
+
+    @property
+    def lowest(self) -> float:
+        """Elevation of the lowest ray [rad]."""
+        return self.elevations[0]
 
     def directions(self, phase: float) -> FloatArray:
         """Rays (rings, columns, 3) in the sensor frame; phase: of the first column, in columns."""
@@ -104,6 +114,14 @@ class Sensor:
     nearest: float
     farthest: float
     grazing: float
+
+    @property
+    def first_ground(self) -> float:
+        """x of the nearest level ground that is seen straight ahead, robot frame [m]."""
+        tilt = -np.arcsin(self.mount.matrix[2, 0])
+        below = min(tilt - self.pattern.lowest, np.pi / 2)
+        height = self.mount.translation[2] - self.robot.ground_z
+        return float(self.mount.translation[0] + height / np.tan(below))
 
     def ranges(self, hits: Hits, random: np.random.Generator) -> FloatArray:
         """What the sensor measures (rows, columns) of what its rays hit: noisy, inf where an echo is lost."""

@@ -61,7 +61,7 @@ def simulation(scene: str, sensor: str, frames: int | None, seed: int) -> Simula
     """Lay out a scene for a sensor's robot. Raises ConfigError for names that there are not."""
     layout, chosen = _named(SCENES, scene, "scene"), _named(SENSORS, sensor, "sensor")
     count = layout.frames if frames is None else frames
-    laid_out = layout.build(np.random.default_rng([seed, LAYOUT]), chosen.robot, count)
+    laid_out = layout.build(np.random.default_rng([seed, LAYOUT]), chosen, count)
     about: dict[str, str | int] = {"scene": scene, "sensor": sensor, "frames": count, "seed": seed}
     return Simulation(scene, about, laid_out, chosen, seed, drive(laid_out, chosen))
 

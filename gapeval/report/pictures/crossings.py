@@ -22,8 +22,8 @@ def draw_crossings(axes: Axes, found: Findings, robot: Bbox) -> None:
     """An arrow for each gap, and the words that fit.
 
     Words are written at large gaps first, and only where they lie over no other word, the robot [pixels] or
-    an arrow of the CROWD largest: a number at no more than CROWD gaps; START, END (where they lie in the
-    picture) and the reason against crossing at no more than WORDED, and there all of them or none.
+    an arrow of the CROWD largest: a number, with the reason against crossing, at no more than CROWD gaps;
+    START and END (where they lie in the picture) at no more than WORDED, and there both or none.
     """
     order = np.argsort(-shapely.area(found.detection.gaps.polygons), kind="stable").tolist()
     crossings = [found.crossings[index] for index in order]
@@ -33,7 +33,7 @@ def draw_crossings(axes: Axes, found: Findings, robot: Bbox) -> None:
     for rank, crossing in enumerate(crossings):
         colour = YES if crossing.traversable else NO
         if rank < CROWD:
-            write(axes, taken, [_number(crossing)])
+            write(axes, taken, [_number(crossing)])  # the reason too: it matters more than the poses
         words = rank < CROWD and worded < WORDED and write(axes, taken, _poses(axes, crossing, colour))
         worded += words
         line: dict[str, Any] = {"lw": 1.6, "alpha": 1.0} if words else thin
@@ -57,17 +57,18 @@ def _along_arrows(axes: Axes, crossings: Iterable[Crossing]) -> list[Bbox]:
 
 
 def _number(crossing: Crossing) -> Word:
-    """The gap's number beside the middle of its arrow."""
-    _, aside = _ways(crossing)
+    """The gap's number beside the middle of its arrow, and why it may not be crossed."""
+    ahead, aside = _ways(crossing)
     style = {"fontsize": 9, "fontweight": "bold", "color": GAP_EDGE}
-    return Word(str(crossing.gap), crossing.centre[1::-1], (aside, -aside), style)
+    text = f"{crossing.gap} {crossing.reason}".rstrip()
+    return Word(text, crossing.centre[1::-1], (aside, -aside, ahead, -ahead), style)
 
 
 def _poses(axes: Axes, crossing: Crossing, colour: str) -> list[Word]:
-    """START behind the arrow and END ahead of it, where they lie in the picture; the reason beside it."""
+    """START behind the arrow and END ahead of it, where they lie in the picture."""
     ahead, aside = _ways(crossing)
     style = {"fontsize": 8, "color": colour}
-    words = [
+    return [
         Word(
             text,
             at[1::-1],
@@ -77,9 +78,6 @@ def _poses(axes: Axes, crossing: Crossing, colour: str) -> list[Word]:
         for text, at, way in (("START", crossing.start, -ahead), ("END", crossing.end, ahead))
         if axes.viewLim.contains(at[1], at[0])
     ]
-    if crossing.reason:
-        words.append(Word(crossing.reason, crossing.centre[1::-1], (-aside, aside), style))
-    return words
 
 
 def _ways(crossing: Crossing) -> tuple[FloatArray, FloatArray]:

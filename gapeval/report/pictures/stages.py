@@ -20,6 +20,8 @@ from gapeval.report.pictures.figure import own_style, titled_figure
 from gapeval.report.pictures.found import CELL_NAMES, Findings, binary_cells, opened_cells
 from gapeval.report.pictures.words import CROWD, Word, write
 
+PADDING = 3  # rows shown below the first that is seen
+
 
 @own_style()
 def draw_stages(found: Findings) -> Figure:
@@ -28,6 +30,8 @@ def draw_stages(found: Findings) -> Figure:
     n_o = found.configuration.detector.n_o
     times = "1 erosion and 1 dilation" if n_o == 1 else f"{n_o} erosions and {n_o} dilations"
     figure = titled_figure(found, 14.0, 6.0)
+    known = np.flatnonzero(surface.seen.cells.any(axis=1))
+    first = max(0, int(known[0]) - PADDING) if len(known) else 0  # near the pole there is nothing to see
     stages: tuple[tuple[str, str, NDArray[Any], Sequence[Any]], ...] = (
         ("binary", "1  binary image (Algorithm 1)", binary_cells(surface), STAGES),
         ("opened", f"2  filtered image: {times}", opened_cells(surface), STAGES),
@@ -43,7 +47,7 @@ def draw_stages(found: Findings) -> Figure:
         axes.set_gid(name)
         axes.set_title(title, fontsize=10, pad=7)
         _show(axes, codes, colours)
-        _polar_ticks(axes, surface.grid)
+        _polar_ticks(axes, surface.grid, first)
     figure.axes[0].set_ylabel("r [m] from the pole of the grid", fontsize=9)
     _draw_contours(figure.axes[2], gaps)
     handles = [
@@ -71,12 +75,14 @@ def _show(axes: Axes, codes: NDArray[Any], colours: Sequence[Any]) -> None:
     axes.set_ylim(0, rows)
 
 
-def _polar_ticks(axes: Axes, grid: PolarGrid) -> None:
-    """Round metres along the rows, degrees along the columns."""
+def _polar_ticks(axes: Axes, grid: PolarGrid, first: int) -> None:
+    """Round metres along the rows from the first that is shown, degrees along the columns."""
+    axes.set_ylim(first, grid.rows)
     edges = row_edges(grid, grid.rows)
-    evenly = np.interp(np.linspace(0, grid.rows, 9), np.arange(grid.rows + 1), edges)
+    evenly = np.interp(np.linspace(first, grid.rows, 9), np.arange(grid.rows + 1), edges)
     step = 10.0 ** np.floor(np.log10(grid.r_max / 4))
     radii = np.unique(np.append(np.round(evenly[:-1] / step) * step, edges[-1]))
+    radii = radii[radii >= edges[first] - step / 2]
     axes.set_yticks(np.interp(radii, edges, np.arange(grid.rows + 1)), [f"{radius:g}" for radius in radii])
     degrees = (-90, -45, 0, 45, 90)
     axes.set_xticks(
