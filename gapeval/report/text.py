@@ -55,7 +55,7 @@ def _no_ranking(store: Store) -> str:
     if false_gaps:
         return (
             "No label was asked for: there is none, or in no frame is enough of one in view and in the\n"
-            "domain, scoring.domain or the largest x_min ... r_max of the grid. labels.csv says how each was seen.\n"
+            "domain, which is scoring.domain or the largest x_min ... r_max of the grid; see labels.csv.\n"
             f"False gaps per frame: {short(min(false_gaps))} to {short(max(false_gaps))}; "
             "see fp_per_frame in summary.csv."
         )
