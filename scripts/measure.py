@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from documentation import DOCS, with_part
 
 import gapeval.detection
 from gapeval.config import Configuration, Detector
@@ -21,7 +22,6 @@ from gapeval.simulate.sensors import SENSORS, Noise
 from gapeval.simulate.simulation import clouds, simulation
 
 ROOT = Path(__file__).parent.parent
-DOCS = ROOT / "docs"
 
 TUNNEL_SEEDS = range(20)
 K, N_O, DELTA_R = range(3, 9), range(4), (1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
@@ -87,6 +87,10 @@ def figure(text: str, digits: int = 2) -> str:
     return f"{float(text):.{digits}f}" if text else "-"
 
 
+def part(page: str, name: str, content: str) -> str:
+    return with_part(page, name, content + "\n", script="measure")
+
+
 # The tunnel
 
 
@@ -102,12 +106,12 @@ def tunnel(work: Path) -> str:
     )
     page = (DOCS / "tunnel.md").read_text(encoding="utf-8")
     parts = [tunnel_grid(overall, complete, n_o) for n_o in N_O]
-    page = with_part(page, "grid", "\n\n".join(parts))
-    page = with_part(page, "paper", papers_rows(overall, complete))
-    page = with_part(page, "labels", hits_by_label(work / "tunnel", overall))
-    page = with_part(page, "barrel", barrel(work))
-    page = with_part(page, "empty", empty_cells())
-    return with_part(page, "sources", sources_of_false_gaps())
+    page = part(page, "grid", "\n\n".join(parts))
+    page = part(page, "paper", papers_rows(overall, complete))
+    page = part(page, "labels", hits_by_label(work / "tunnel", overall))
+    page = part(page, "barrel", barrel(work))
+    page = part(page, "empty", empty_cells())
+    return part(page, "sources", sources_of_false_gaps())
 
 
 def pictures(work: Path, log: Log) -> None:
@@ -273,14 +277,12 @@ def settled(work: Path) -> str:
     usual = ["sensor", "value", "hit_rate", "fp_per_frame", "coverage", "over_area", "pq"]
     for name in groups:
         head = usual if name != "kernel" else [*usual[:2], "n_o", *usual[2:]]
-        page = with_part(page, name, table(head, tables[name]))
+        page = part(page, name, table(head, tables[name]))
     head = ["sensor", "value", "pca_accuracy", "pca_length_error", "pca_yaw_error", "axis_angle"]
-    page = with_part(page, "uniform", table(head, tables["uniform"]))
+    page = part(page, "uniform", table(head, tables["uniform"]))
     scoring = (DOCS / "scoring.md").read_text(encoding="utf-8")
     head = ["sensor", "asked for", *(f"covered >= {share}" for share in SHARES)]
-    (DOCS / "scoring.md").write_text(
-        with_part(scoring, "hit_coverage", table(head, shares)), encoding="utf-8"
-    )
+    (DOCS / "scoring.md").write_text(part(scoring, "hit_coverage", table(head, shares)), encoding="utf-8")
     return page
 
 
@@ -303,14 +305,6 @@ def share_rows(sensor: str, folder: Path, configuration: str) -> list[list[str]]
         ]
     )
     return [[sensor, str(len(covered)), *(f"{(covered >= share).mean():.3f}" for share in SHARES)]]
-
-
-def with_part(page: str, name: str, content: str) -> str:
-    """The page with its part of that name made anew."""
-    begin, end = f"<!-- {name}: made by scripts/measure -->", "<!-- end -->"
-    head, found, rest = page.partition(begin)
-    assert found, f"no part {name}"
-    return f"{head}{begin}\n\n{content}\n\n{end}{rest.partition(end)[2]}"
 
 
 def main() -> None:

@@ -21,6 +21,8 @@ def test_the_demo_sweeps_the_tunnel_around_the_papers_values(tmp_path) -> None:
     assert detected["configuration"]["id"] == papers[0]["configuration"]
     assert len(detected["features"]) == int(papers[0]["gaps"])
     assert 0.7 < float(papers[0]["hit_rate"]) <= 1  # docs/tunnel.md has the distribution
+    printed = [line for line in done.out.splitlines() if line.startswith(papers[0]["configuration"])]
+    assert len(printed) == 1  # whatever its rank
     for line in done.out.splitlines()[-4:]:
         assert (folder / line.split("/")[-1]).is_file(), line
     again = gapeval("demo", "-o", folder, "--jobs", 2)

@@ -47,3 +47,10 @@ def test_links_lead_somewhere(page: Path) -> None:
 @pytest.mark.parametrize("path", sorted((ROOT / "configs").glob("*.yaml")), ids=lambda p: p.name)
 def test_configurations_in_the_repository_can_be_used(path: Path) -> None:
     assert configurations(load_config(path))
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").glob("*.md")), ids=lambda p: p.name)
+def test_what_scripts_measure_writes_has_been_written(page: Path) -> None:
+    parts = re.findall(r"<!-- \w+: made by scripts/measure -->(.*?)<!-- end -->", page.read_text(), re.DOTALL)
+    assert len(parts) == page.read_text().count("made by scripts/measure")
+    assert all(part.count("\n| ") >= 3 for part in parts)

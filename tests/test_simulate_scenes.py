@@ -344,10 +344,7 @@ def trench(width=0.3, x=2.0, y=0.0, half=1.0):
 def crossing_of(hole, others=(), solids=()):
     level = Ground(np.zeros((1, 2)), np.zeros((0, 4)), (0.0, 0.0, 1.0, 1.0))
     scene = Scene(level, (hole, *others), tuple(solids), np.zeros((1, 3)))
-    middle, across, length, _ = narrowest(hole.outline)
-    return can_be_crossed(
-        scene, hole, simulation("plain", "lms151", 1, 0).sensor.robot, middle, across, length
-    )
+    return can_be_crossed(scene, narrowest(hole.outline), simulation("plain", "lms151", 1, 0).sensor.robot)
 
 
 def test_the_rules_of_crossing_at_their_limits():

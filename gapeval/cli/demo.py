@@ -41,6 +41,8 @@ def demo(output: Path, jobs: int | None) -> None:
     papers = Config(robot=simulated.sensor.robot)  # all else by default is the paper's
     gaps, picture = output / "detections.geojson", output / "frame.png"
     detect_gaps(papers, log, gaps, picture, labels=labels)
-    sweep_logs(papers.model_copy(update={"grid": GRID}), [log], [labels], output / "results", jobs)
+    grid = papers.model_copy(update={"grid": GRID})
+    sweep_logs(grid, [log], [labels], output / "results", jobs, also=papers.base.id)
+    click.echo(f"paper      configuration {papers.base.id}")
     for what, path in {"log": log, "labels": labels, "gaps": gaps, "picture": picture}.items():
         click.echo(f"{what:<10} {path}")

@@ -22,8 +22,12 @@ def sweep_logs(
     output: Path,
     jobs: int | None,
     with_gaps: bool = False,
+    also: str = "",
 ) -> None:
-    """Evaluate a grid over logs, write its files, print what came out. jobs: None for all cores."""
+    """Evaluate a grid over logs, write its files, print what came out.
+
+    jobs: None for all cores. also: a configuration to print though it may not be among the best.
+    """
     grid = counted(len(configurations(config)), "configuration")
     log_names(logs)
     labels = [read_labels(path) for path in label_files]
@@ -40,7 +44,7 @@ def sweep_logs(
     say_more(timing_table(done.store))
     refused = sum(sum(entry["refused"].values()) for entry in done.logs)
     evaluated = len(done.store.points) * done.frames
-    click.echo(f"{best_table(done.store)}\n")
+    click.echo(f"{best_table(done.store, also)}\n")
     click.echo(
         f"evaluated  {grid} on {counted(done.frames, 'frame')} of {counted(len(logs), 'log')} "
         f"in {seconds:.1f} s ({evaluated / max(seconds, 1e-9):.0f}/s)\n"

@@ -20,9 +20,12 @@ def metrics_table(sums: Mapping[str, float]) -> str:
     return f"{columns(('metric', 'value', 'unit', 'meaning'), rows)}\n\n{counts}"
 
 
-def best_table(store: Store) -> str:
-    """The best configurations of a sweep over all logs, by the parameters that differ between them."""
-    ranked = store.ranked()[:BEST_ROWS]
+def best_table(store: Store, also: str = "") -> str:
+    """The best configurations of a sweep over all logs, by the parameters that differ between them.
+
+    also: a configuration to show whatever its rank.
+    """
+    ranked = [p for rank, p in enumerate(store.ranked()) if rank < BEST_ROWS or p.id == also]
     if not ranked:
         return _no_ranking(store)
     title = f"Best of {counted(len(store.points), 'configuration')}, chosen on these data:\n\n"

@@ -37,16 +37,26 @@ T = TypeVar("T")
 class Simulation:
     """A scene and all that is to be measured in it."""
 
-    name: str
-    about: dict[str, str | int]  # scene, sensor, frames, seed: all that decides what comes out
+    scene_name: str
+    sensor_name: str
+    seed: int
     scene: Scene
     sensor: Sensor
-    seed: int
     drive: Drive
 
     @property
     def frames(self) -> int:
         return len(self.drive.stamps)
+
+    @property
+    def about(self) -> dict[str, str | int]:
+        """All that decides what comes out."""
+        return {
+            "scene": self.scene_name,
+            "sensor": self.sensor_name,
+            "frames": self.frames,
+            "seed": self.seed,
+        }
 
     @property
     def labels(self) -> list[Label]:
@@ -62,8 +72,7 @@ def simulation(scene: str, sensor: str, frames: int | None, seed: int) -> Simula
     layout, chosen = _named(SCENES, scene, "scene"), _named(SENSORS, sensor, "sensor")
     count = layout.frames if frames is None else frames
     laid_out = layout.build(np.random.default_rng([seed, LAYOUT]), chosen, count)
-    about: dict[str, str | int] = {"scene": scene, "sensor": sensor, "frames": count, "seed": seed}
-    return Simulation(scene, about, laid_out, chosen, seed, drive(laid_out, chosen))
+    return Simulation(scene, sensor, seed, laid_out, chosen, drive(laid_out, chosen))
 
 
 def clouds(simulated: Simulation) -> Iterator[NDArray[np.float32]]:
@@ -95,7 +104,7 @@ def write_simulation(
 
     Raises GapevalError where the folder holds anything else of these names: it may be the work of a hand.
     """
-    log, labels = log_path(folder, simulated.name, container), folder / LABELS
+    log, labels = log_path(folder, simulated.scene_name, container), folder / LABELS
     make_folder(folder)
     _require_replaceable(log, labels, simulated.about)
     with whole_file(labels) as file:

@@ -1,6 +1,7 @@
 """The labels of a scene, from its geometry and the robot alone."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -11,6 +12,7 @@ from gapeval.labels import Label
 from gapeval.simulate.scene import Hole, Scene
 
 ROUND = 0.9  # a hole that is nearly as wide as long has no direction of its own
+HEADROOM = 1.0  # m; what hangs higher is in no robot's way
 
 
 def labels(scene: Scene, robot: Robot, fixed_frame: str) -> list[Label]:
@@ -19,24 +21,39 @@ def labels(scene: Scene, robot: Robot, fixed_frame: str) -> list[Label]:
 
 
 def _label(scene: Scene, hole: Hole, robot: Robot, fixed_frame: str) -> Label:
-    middle, across, length, roundness = narrowest(hole.outline)
+    way = narrowest(hole.outline)
     ring = shapely.get_coordinates(hole.outline.exterior)
     return Label(
         id=hole.id,
         kind="gap",
         frame_id=fixed_frame,
         parts=((np.column_stack([ring, np.zeros(len(ring))]),),),
-        traversable=can_be_crossed(scene, hole, robot, middle, across, length),
-        length=length,
-        crossing_yaw=None if roundness > ROUND else math.atan2(across[1], across[0]) + 0.0,  # no -0.0
+        traversable=can_be_crossed(scene, way, robot),
+        length=way.length,
+        crossing_yaw=None
+        if way.roundness > ROUND
+        else math.atan2(way.across[1], way.across[0]) + 0.0,  # no -0.0
     )
 
 
-def narrowest(outline: shapely.Polygon) -> tuple[FloatArray, FloatArray, float, float]:
-    """The narrowest way over an outline, through the middle of its smallest strip.
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """The way over a hole where it is narrowest.
 
-    Returns the middle (2,) [m], the direction across (2,), the width there [m], and width / length. The
-    least width of a polygon is at right angles to an edge of its convex hull.
+    middle: (2,) [m]; across: its direction, (2,), of unit length; length: to cross [m]; roundness: that by
+    the hole's extent along it.
+    """
+
+    middle: FloatArray
+    across: FloatArray
+    length: float
+    roundness: float
+
+
+def narrowest(outline: shapely.Polygon) -> Way:
+    """Through the middle of the narrowest strip that holds an outline.
+
+    The least width of a polygon is at right angles to an edge of its convex hull.
     """
     ring = shapely.get_coordinates(shapely.convex_hull(outline))
     edges = np.diff(ring, axis=0)
@@ -49,21 +66,19 @@ def narrowest(outline: shapely.Polygon) -> tuple[FloatArray, FloatArray, float, 
     centre = (low + high) / 2
     width, length = float(high[1] - low[1]), float(high[0] - low[0])
     v = v if (v[0], v[1]) > (0.0, 0.0) else -v
-    return centre[0] * u + centre[1] * across[best], v, width, width / length
+    return Way(centre[0] * u + centre[1] * across[best], v, width, width / length)
 
 
-def can_be_crossed(
-    scene: Scene, hole: Hole, robot: Robot, middle: FloatArray, across: FloatArray, length: float
-) -> bool:
+def can_be_crossed(scene: Scene, way: Way, robot: Robot) -> bool:
     """Whether the robot can stand before and behind the middle of a hole that is short enough.
 
     The paper's rules (Section 3.2.3) asked of the true scene, with the robot's own default distances.
     """
     rules = limits(CrossingRules(), robot)
-    if length > rules.d_r:
+    if way.length > rules.d_r:
         return False
-    away = length / 2 + rules.standoff
-    ends = shapely.points(np.array([middle - away * across, middle + away * across]))
-    low_things = [solid.outline for solid in scene.solids if solid.bottom < 1.0]
+    away = (way.length / 2 + rules.standoff) * way.across
+    ends = shapely.points(np.array([way.middle - away, way.middle + away]))
+    low_things = [solid.outline for solid in scene.solids if solid.bottom < HEADROOM]
     taken = shapely.union_all([*(other.outline for other in scene.holes), *low_things])
     return bool((shapely.distance(ends, taken) > rules.clearance).all())

@@ -14,7 +14,7 @@ from gapeval.results import tables
 from gapeval.scoring.metrics import METRICS
 
 DOCS = Path(__file__).parent.parent / "docs"
-MADE = r"(<!-- {name}: made by scripts/document -->\n).*?(<!-- end -->)"
+MADE = r"(<!-- {name}: made by scripts/{script} -->\n).*?(<!-- end -->)"
 
 
 COMMANDS = """# Commands
@@ -128,10 +128,10 @@ def columns() -> str:
     return "\n".join(parts)
 
 
-def with_part(page: str, name: str, content: str) -> str:
-    """The page with its part of that name made anew."""
+def with_part(page: str, name: str, content: str, script: str = "document") -> str:
+    """The page with its part of that name, which a script of scripts/ makes, made anew."""
     made, count = re.subn(
-        MADE.format(name=name),
+        MADE.format(name=name, script=script),
         lambda found: found[1] + "\n" + content + "\n" + found[2],
         page,
         flags=re.DOTALL,
