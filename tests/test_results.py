@@ -24,7 +24,7 @@ from gapeval.results.tables import Point, cell, point
 from gapeval.scoring.match import LabelScore, score
 from gapeval.scoring.metrics import METRICS, SUMS, WITHOUT_LABELS, figures
 from gapeval.scoring.scene import View, common_domain, scene
-from gapeval.sweep.evaluation import Answer, GapAnswer, Question, detected, evaluate, rescored
+from gapeval.sweep.evaluation import Answers, GapAnswer, Question, detected, evaluate, rescored
 
 FILES = ("summary.csv", "frames.csv", "labels.csv", "timing.csv", "config.yaml", "manifest.json")
 MANIFEST = {"gapeval": "0", "logs": []}
@@ -41,22 +41,33 @@ def header(path):
 
 
 def answer(hits=0, false_gaps=0, tp=0, covered=0.0, asked=4, labels=(), fallback="", gaps=()):
-    """An answer for a frame of four labels of 1 m2 each."""
-    sums = dict.fromkeys(SUMS, 0) | {"frames": 1, "scored_frames": 1, "asked": asked, "hits": hits}
+    """One configuration's answer for a frame of four labels of 1 m2 each."""
+    sums = {"frames": 1, "scored_frames": 1, "asked": asked, "hits": hits}
     sums |= {"false_gaps": false_gaps, "tp": tp, "fn": asked - tp, "fp": false_gaps, "iou_sum": 0.75 * tp}
     sums |= {"label_area": float(asked), "covered_area": covered, "gaps": tp + false_gaps}
-    return Answer(sums, tuple(labels), fallback, tuple(gaps))
+    return sums, tuple(labels), fallback, tuple(gaps)
 
 
 def unlabelled(gaps=3):
-    return Answer(dict.fromkeys(WITHOUT_LABELS, 0) | {"frames": 1, "gaps": gaps}, (), "", ())
+    return {"frames": 1, "gaps": gaps}, (), "", ()
+
+
+def together(answers):
+    """The answers of several configurations for one frame."""
+    sums, labels, fallbacks, gaps = zip(*answers, strict=True)
+    return Answers(np.array([[one.get(name, 0.0) for name in SUMS] for one in sums]), labels, fallbacks, gaps)
+
+
+def alone(answers, row=0):
+    """What one configuration contributes to the sums."""
+    return dict(zip(SUMS, answers.sums[row].tolist(), strict=True))
 
 
 def write(folder, frames, points=POINTS, logs=("a.bag",), with_gaps=False, config=None):
     """Result files of frames: (log, stamp, answers)."""
     with open_store(folder, points, with_gaps) as store:
         for log, stamp, answers in frames:
-            store.add(log, stamp, answers, {"detect": [0.25, 0.75], "read": [0.5]})
+            store.add(log, stamp, together(answers), {"detect": [0.25, 0.75], "read": [0.5]})
         store.finish((config or Config()).to_yaml(), MANIFEST, logs)
     return store
 
@@ -318,7 +329,7 @@ def test_files_appear_only_if_the_block_ends_well(tmp_path, error):
 
     def interrupted():
         with open_store(folder, POINTS) as store:
-            store.add("a.bag", 1, [answer()] * 3, {})
+            store.add("a.bag", 1, together([answer()] * 3), {})
             assert not any((folder / name).exists() for name in FILES)
             raise error
 
@@ -333,7 +344,7 @@ def test_an_older_result_stays_until_the_new_one_is_complete(tmp_path):
 
     def interrupted():
         with open_store(tmp_path, POINTS) as store:
-            store.add("a.bag", 1, [answer(hits=2)] * 3, {})
+            store.add("a.bag", 1, together([answer(hits=2)] * 3), {})
             assert {name: (tmp_path / name).read_bytes() for name in FILES} == before
             raise BreakOffError
 
@@ -413,7 +424,7 @@ def test_a_log_called_all_is_not_taken_for_all_logs(tmp_path):
 
 
 def test_the_table_of_metrics_has_every_metric_with_unit_and_meaning():
-    text = metrics_table(answer(hits=3, tp=2).sums)
+    text = metrics_table(answer(hits=3, tp=2)[0])
     lines = {line.split()[0]: line for line in text.splitlines() if line}
     for metric in METRICS:
         assert metric.meaning in lines[metric.name]
@@ -564,16 +575,16 @@ def test_detect_then_score_is_exactly_what_sweep_gives(tmp_path, plane):
     other = label("behind the wall", box(1.4, 1.8, 1.9, 2.2))
     labels = label_file(drawn, other)
     question = Question((chosen,), rules, *common_domain([chosen], rules))
-    (swept,), _ = evaluate(frame, question, labels, "base_link")
+    swept, _ = evaluate(frame, question, labels, "base_link")
     path = tmp_path / "d.geojson"
     with path.open("w") as file:
         found = {"frame_id": "base_link", "fixed_frame": "map", "log": {}, "configuration": {}}
         write_detections(file, found, [detected(frame, chosen, question)])
     again = rescored(read_detections(path).frames[0], labels, "base_link", rules)
-    assert again.sums == swept.sums
+    assert alone(again) == alone(swept)
     assert again.labels == swept.labels
-    assert swept.sums["hits"] == 1
-    assert {row.state for row in swept.labels} == {"visible", "shadowed"}
+    assert alone(swept)["hits"] == 1
+    assert {row.state for row in swept.labels[0]} == {"visible", "shadowed"}
 
 
 def test_a_sweep_gives_each_configuration_what_it_gets_alone():
@@ -585,30 +596,29 @@ def test_a_sweep_gives_each_configuration_what_it_gets_alone():
         for pl_th in (0.05, 0.2)
     )
     labels = label_file(label("hole", box(1.5, -0.8, 2.1, 0.8), length=0.6))
-    together, _ = evaluate(frame, Question(found, rules, rules.domain, "sensor"), labels, "base_link")
-    for chosen, answer_of_sweep in zip(found, together, strict=True):
-        (alone,), _ = evaluate(frame, Question((chosen,), rules, rules.domain, "sensor"), labels, "base_link")
-        assert alone.sums == answer_of_sweep.sums
-    assert len({figures(one.sums)["coverage"] for one in together}) > 3
+    swept, _ = evaluate(frame, Question(found, rules, rules.domain, "sensor"), labels, "base_link")
+    for row, chosen in enumerate(found):
+        question = Question((chosen,), rules, rules.domain, "sensor")
+        assert alone(evaluate(frame, question, labels, "base_link")[0]) == alone(swept, row)
+    assert len({figures(alone(swept, row))["coverage"] for row in range(len(found))}) > 3
 
 
 def test_a_frame_that_was_not_labelled_is_not_scored():
     question = Question((Configuration(),), Scoring(), Domain(x_min=0.6, r_max=3), "sensor", keep_gaps=True)
     labels = label_file(label("hole", box(1.5, -0.8, 2.1, 0.8)), stamps=frozenset({6}))
     for drawn in (None, labels):
-        (found,), _ = evaluate(field_with_a_hole(), question, drawn, "base_link")
-        assert "scored_frames" not in found.sums
-        assert found.labels == ()
-        assert len(found.gaps) == found.sums["gaps"] > 0
+        found, _ = evaluate(field_with_a_hole(), question, drawn, "base_link")
+        assert alone(found)["scored_frames"] == 0
+        assert found.labels == ((),)
+        assert len(found.gaps[0]) == alone(found)["gaps"] > 0
 
 
 def test_scoring_a_scene_by_hand_equals_scoring_the_file():
     frame, rules = detected_frame(polygons=[PIT, box(6, 0, 7, 1)]), Scoring()
     labels = label_file(pit_label(traversable=True))
     seen = scene(5, None, View(frame.plane, DOMAIN, NOTHING, (0.0, 0.0)), labels, "base_link", rules)
-    assert rescored(frame, labels, "base_link", rules).sums == score(
-        seen, frame, frame.crossings, rules
-    ).sums | {"plane_fallbacks": 0}
+    by_hand = score(seen, frame, frame.crossings, rules).sums | {"plane_fallbacks": 0}
+    assert alone(rescored(frame, labels, "base_link", rules)) == by_hand
 
 
 def test_points_are_what_results_are_filed_under():

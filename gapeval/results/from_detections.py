@@ -55,8 +55,8 @@ def score_detections(
     where = filed_under(detections)
     with open_store(folder, [where]) if folder else nullcontext(Store({}, [where])) as store:
         for frame in frames:
-            answer = rescored(frame, labels, detections.robot_frame, config.scoring)
-            store.add(detections.log, frame.stamp, [answer], {})
+            answers = rescored(frame, labels, detections.robot_frame, config.scoring)
+            store.add(detections.log, frame.stamp, answers, {})
         if folder:
             entry = {
                 "log": detections.log,

@@ -73,7 +73,7 @@ def write_sweep(sweep: Sweep, folder: Path, jobs: int, advance: Callable[[], obj
     with open_store(folder, points, task.question.keep_gaps) as store:
         for frame in run(task, jobs):
             tally = tallies[frame.recording]
-            if frame.refusal:
+            if frame.answers is None:
                 tally.refuse(frame.refusal)
             else:
                 tally.add(frame.digest, frame.points, frame.dropped)

@@ -11,10 +11,11 @@ from typing import IO, Any
 import numpy as np
 
 from gapeval.files import make_folder, whole_files
+from gapeval.frame import FloatArray
 from gapeval.results import tables
 from gapeval.results.tables import Point
-from gapeval.scoring.metrics import add, figures
-from gapeval.sweep.evaluation import Answer
+from gapeval.scoring.metrics import SUMS, figures
+from gapeval.sweep.evaluation import Answers
 
 ALL = "all"
 # What the best configuration is chosen by, most important first; -1 for more is better. pq before hit_rate:
@@ -33,13 +34,16 @@ MANIFEST = "manifest.json"
 
 @dataclass(slots=True)
 class Totals:
-    """Sums by log (None: all together) and configuration, and the seconds of each stage by log."""
+    """Sums (C, len(SUMS)) by log (None: all together), and the seconds of each stage by log."""
 
-    sums: dict[str | None, dict[str, dict[str, float]]] = field(default_factory=dict)
+    configurations: int
+    sums: dict[str | None, FloatArray] = field(default_factory=dict)
     stages: dict[tuple[str, str], list[tuple[float, int]]] = field(default_factory=dict)
 
-    def of(self, log: str | None, configuration: str) -> dict[str, float]:
-        return self.sums.setdefault(log, {}).setdefault(configuration, {})
+    def of(self, log: str | None) -> FloatArray:
+        if log not in self.sums:
+            self.sums[log] = np.zeros((self.configurations, len(SUMS)))
+        return self.sums[log]
 
 
 class Store:
@@ -48,24 +52,25 @@ class Store:
     def __init__(self, files: Mapping[str, IO[str]], points: Sequence[Point]) -> None:
         self.points = points
         self._files = files
-        self._totals = Totals()
+        self._totals = Totals(len(points))
+        self._rows = {point.id: row for row, point in enumerate(points)}
         columns = {"frames.csv": tables.FRAMES, "labels.csv": tables.LABELS, GAPS: tables.GAPS}
         self._tables = {name: _table(files[name], columns[name]) for name in columns if name in files}
 
-    def add(
-        self, log: str, stamp: int, answers: Sequence[Answer], spent: Mapping[str, Sequence[float]]
-    ) -> None:
+    def add(self, log: str, stamp: int, answers: Answers, spent: Mapping[str, Sequence[float]]) -> None:
         """One frame: its answers in the order of the points; frames come in order of log and stamp."""
-        for point, answer in zip(self.points, answers, strict=True):
+        for row, point in enumerate(self.points):
             where = {"log": log, "stamp": stamp, "configuration": point.id}
-            frame = {"plane_fallback": answer.fallback or None} | tables.sums_row(answer.sums)
+            sums = dict(zip(SUMS, answers.sums[row].tolist(), strict=True))
+            frame = {"plane_fallback": answers.fallbacks[row] or None} | tables.sums_row(sums)
             self._write("frames.csv", where | frame)
-            for row in tables.label_rows(answer):
-                self._write("labels.csv", where | row)
-            for row in tables.gap_rows(answer):
-                self._write(GAPS, where | row)
-            for name in (log, None):
-                add(self._totals.of(name, point.id), answer.sums)
+            for label in tables.label_rows(answers.labels[row]):
+                self._write("labels.csv", where | label)
+            for gap in tables.gap_rows(answers.gaps[row]):
+                self._write(GAPS, where | gap)
+        for name in (log, None):
+            total = self._totals.of(name)
+            total += answers.sums
         for stage, seconds in spent.items():
             self._totals.stages.setdefault((log, stage), []).append(
                 (sum(seconds) / len(seconds), len(seconds))
@@ -77,7 +82,7 @@ class Store:
         for log in (*logs, None):
             best = self.ranked(log)[:1]
             for point in self.points:
-                sums = self._totals.of(log, point.id)
+                sums = self.sums(point, log)
                 chosen = point in best and len(self.points) > 1
                 row = {"log": log or ALL, "configuration": point.id, "best": True if chosen else None}
                 row |= point.parameters | figures(sums) | tables.sums_row(sums)
@@ -108,7 +113,7 @@ class Store:
         return tuple(self._files)
 
     def sums(self, point: Point, log: str | None = None) -> dict[str, float]:
-        return self._totals.of(log, point.id)
+        return dict(zip(SUMS, self._totals.of(log)[self._rows[point.id]].tolist(), strict=True))
 
     def _write(self, file: str, row: Mapping[str, Any]) -> None:
         if file in self._tables:  # gaps only on request, nothing where nothing is to be written

@@ -1,13 +1,14 @@
 """The columns of the CSV files; names are the same in every file and in docs/results.md."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from gapeval.config import Configuration, CrossingRules, Detector, limits
 from gapeval.detections import METHODS, crossing_properties
+from gapeval.scoring.match import LabelScore
 from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS
-from gapeval.sweep.evaluation import Answer
+from gapeval.sweep.evaluation import GapAnswer
 
 DETECTOR = (
     *("i_height", "i_width", "delta_r", "n_o", "pl_th", "x_min", "r_max", "z_min", "z_max"),
@@ -106,20 +107,19 @@ def parameters(configuration: Configuration) -> Row:
     return row | {name: getattr(crossing, name) for name in CROSSING} | distances
 
 
-def sums_row(sums: dict[str, float]) -> Row:
+def sums_row(sums: Mapping[str, float]) -> Row:
     """Sums as columns: counts as integers, nothing where nothing was scored."""
-    scored = bool(sums.get("scored_frames"))
-    names = SUMS if scored else WITHOUT_LABELS
-    return {name: _number(name, sums.get(name, 0)) for name in names}
+    names = SUMS if sums["scored_frames"] else WITHOUT_LABELS
+    return {name: _number(name, sums[name]) for name in names}
 
 
-def label_rows(answer: Answer) -> Iterator[Row]:
-    for label in answer.labels:
+def label_rows(labels: Iterable[LabelScore]) -> Iterator[Row]:
+    for label in labels:
         yield {name: getattr(label, name) for name in LABELS[3:]}
 
 
-def gap_rows(answer: Answer) -> Iterator[Row]:
-    for index, gap in enumerate(answer.gaps):
+def gap_rows(gaps: Iterable[GapAnswer]) -> Iterator[Row]:
+    for index, gap in enumerate(gaps):
         row: Row = {"gap": index, "area": gap.area}
         for method, crossing in gap.crossings.items():
             for name, value in crossing_properties(method, crossing).items():

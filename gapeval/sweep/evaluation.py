@@ -2,14 +2,16 @@
 
 from dataclasses import dataclass
 
+import numpy as np
 import shapely
 
 from gapeval.config import Configuration, Domain, Scoring
 from gapeval.detection import detect
 from gapeval.detections import Crossing, DetectedFrame, Method
-from gapeval.frame import Frame
+from gapeval.frame import FloatArray, Frame
 from gapeval.labels import Labels
-from gapeval.scoring.match import LabelScore, score
+from gapeval.scoring.match import FrameScore, LabelScore, score
+from gapeval.scoring.metrics import SUMS
 from gapeval.scoring.scene import View, scene, view
 from gapeval.sweep.grid import common_margin
 from gapeval.sweep.memory import Memory
@@ -38,19 +40,24 @@ class GapAnswer:
     crossings: dict[Method, Crossing]
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """One configuration on one frame. fallback: why its plane is not the one asked for, or empty."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Answers:
+    """One frame under all configurations (C), in their order.
 
-    sums: dict[str, float]
-    labels: tuple[LabelScore, ...]
-    fallback: str
-    gaps: tuple[GapAnswer, ...]
+    sums: (C, len(SUMS)), columns in the order of scoring.metrics.SUMS; no scored_frames: it has no labels.
+    labels: of each configuration. fallbacks: why its plane is not the one asked for, or empty.
+    gaps: of each configuration; empty unless asked to keep them.
+    """
+
+    sums: FloatArray
+    labels: tuple[tuple[LabelScore, ...], ...]
+    fallbacks: tuple[str, ...]
+    gaps: tuple[tuple[GapAnswer, ...], ...]
 
 
 def evaluate(
     frame: Frame, question: Question, labels: Labels | None, robot_frame: str
-) -> tuple[list[Answer], dict[str, list[float]]]:
+) -> tuple[Answers, dict[str, list[float]]]:
     """The answers in the order of the configurations, and the seconds that each step took each time."""
     memory = Memory()
     asked = None
@@ -60,16 +67,26 @@ def evaluate(
         )
         asked = memory(scene, frame.stamp, frame.pose, seen, labels, robot_frame, question.scoring)
     margin = common_margin(question.configurations)
-    answers = []
-    for configuration in question.configurations:
+    sums = np.zeros((len(question.configurations), len(SUMS)))
+    scores: list[tuple[LabelScore, ...]] = []
+    fallbacks: list[str] = []
+    gaps: list[tuple[GapAnswer, ...]] = []
+    for row, configuration in zip(sums, question.configurations, strict=True):
         detection = detect(frame, configuration, memory, margin)
         crossings = by_gap(assess(detection, configuration.robot, configuration.crossing, memory))
         scored = score(asked, detection.gaps, crossings, question.scoring, memory)
-        sums = scored.sums | {"plane_fallbacks": int(detection.fallback != "")}
+        row[:] = sums_of(scored, detection.fallback)
         areas = shapely.area(detection.gaps.polygons).tolist() if question.keep_gaps else []
-        gaps = tuple(GapAnswer(area, crossings[index]) for index, area in enumerate(areas))
-        answers.append(Answer(sums, scored.labels, detection.fallback, gaps))
-    return answers, memory.spent
+        scores.append(scored.labels)
+        fallbacks.append(detection.fallback)
+        gaps.append(tuple(GapAnswer(area, crossings[index]) for index, area in enumerate(areas)))
+    return Answers(sums, tuple(scores), tuple(fallbacks), tuple(gaps)), memory.spent
+
+
+def sums_of(scored: FrameScore, fallback: str) -> FloatArray:
+    """One row of Answers.sums."""
+    sums = scored.sums | {"plane_fallbacks": int(fallback != "")}
+    return np.array([sums.get(name, 0) for name in SUMS], dtype=np.float64)
 
 
 def detected(frame: Frame, configuration: Configuration, question: Question) -> DetectedFrame:
@@ -91,13 +108,13 @@ def detected(frame: Frame, configuration: Configuration, question: Question) -> 
     )
 
 
-def rescored(frame: DetectedFrame, labels: Labels, robot_frame: str, scoring: Scoring) -> Answer:
-    """The answer for one frame of a detections file, which must have a domain."""
+def rescored(frame: DetectedFrame, labels: Labels, robot_frame: str, scoring: Scoring) -> Answers:
+    """The answers, of one configuration, for one frame of a detections file, which must have a domain."""
     asked = None
     if labels.cover(frame.stamp) and frame.domain is not None:
         hidden = shapely.MultiPolygon() if frame.shadow is None else frame.shadow
         seen = View(frame.plane, frame.domain, hidden, frame.origin)
         asked = scene(frame.stamp, frame.pose, seen, labels, robot_frame, scoring)
     scored = score(asked, frame, frame.crossings, scoring)
-    sums = scored.sums | {"plane_fallbacks": int(frame.fallback != "")}
-    return Answer(sums, scored.labels, frame.fallback, ())
+    sums = sums_of(scored, frame.fallback)[None]
+    return Answers(sums, (scored.labels,), (frame.fallback,), ((),))

@@ -16,7 +16,7 @@ from gapeval.errors import GapevalError
 from gapeval.frame import Frame
 from gapeval.labels import Labels
 from gapeval.logs.read import Recording, frame_digest, read_frames
-from gapeval.sweep.evaluation import Answer, Question, evaluate
+from gapeval.sweep.evaluation import Answers, Question, evaluate
 
 LARGEST_UNIT = 16  # frames; small enough for a live progress bar
 UNITS_PER_WORKER = 4
@@ -54,7 +54,7 @@ class EvaluatedFrame:
     digest: bytes = b""
     points: int = 0
     dropped: int = 0
-    answers: list[Answer] = field(default_factory=list)
+    answers: Answers | None = None
     spent: dict[str, list[float]] = field(default_factory=dict)
 
 
