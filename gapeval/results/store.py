@@ -2,6 +2,7 @@
 
 import csv
 import json
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -13,6 +14,7 @@ import numpy as np
 from gapeval.files import make_folder, whole_files
 from gapeval.frame import FloatArray
 from gapeval.results import tables
+from gapeval.results.rows import FRAMES, GAPS, LABELS, rows_of
 from gapeval.results.tables import Point
 from gapeval.scoring.metrics import SUMS, figures
 from gapeval.sweep.evaluation import Answers
@@ -28,8 +30,21 @@ BEST = (
     ("over_area", 1),
     ("npca_accuracy", -1),
 )
-GAPS = "gaps.csv"
 MANIFEST = "manifest.json"
+
+
+@dataclass(slots=True)
+class Stage:
+    """How long a stage took in each frame [s], how often it was done, and for how many configurations."""
+
+    seconds: "array[float]" = field(default_factory=lambda: array("d"))
+    times: int = 0
+    served: int = 0
+
+    def add(self, seconds: float, times: int, configurations: int) -> None:
+        self.seconds.append(seconds)
+        self.times += times
+        self.served += configurations
 
 
 @dataclass(slots=True)
@@ -38,7 +53,7 @@ class Totals:
 
     configurations: int
     sums: dict[str | None, FloatArray] = field(default_factory=dict)
-    stages: dict[tuple[str, str], list[tuple[float, int]]] = field(default_factory=dict)
+    stages: dict[tuple[str, str], Stage] = field(default_factory=dict)
 
     def of(self, log: str | None) -> FloatArray:
         if log not in self.sums:
@@ -54,27 +69,34 @@ class Store:
         self._files = files
         self._totals = Totals(len(points))
         self._rows = {point.id: row for row, point in enumerate(points)}
-        columns = {"frames.csv": tables.FRAMES, "labels.csv": tables.LABELS, GAPS: tables.GAPS}
-        self._tables = {name: _table(files[name], columns[name]) for name in columns if name in files}
+        for name, columns in {FRAMES: tables.FRAMES, LABELS: tables.LABELS, GAPS: tables.GAPS}.items():
+            if name in files:
+                _table(files[name], columns)
 
     def add(self, log: str, stamp: int, answers: Answers, spent: Mapping[str, Sequence[float]]) -> None:
         """One frame: its answers in the order of the points; frames come in order of log and stamp."""
-        for row, point in enumerate(self.points):
-            where = {"log": log, "stamp": stamp, "configuration": point.id}
-            sums = dict(zip(SUMS, answers.sums[row].tolist(), strict=True))
-            frame = {"plane_fallback": answers.fallbacks[row] or None} | tables.sums_row(sums)
-            self._write("frames.csv", where | frame)
-            for label in tables.label_rows(answers.labels[row]):
-                self._write("labels.csv", where | label)
-            for gap in tables.gap_rows(answers.gaps[row]):
-                self._write(GAPS, where | gap)
+        rows = rows_of(log, stamp, [point.id for point in self.points], answers)
+        for name, texts in {FRAMES: rows.frames, LABELS: rows.labels, GAPS: rows.gaps}.items():
+            self.write(name, "".join(texts))
+        self.count(log, answers.sums)
+        seconds = {stage: (sum(each) / len(each), len(each)) for stage, each in spent.items()}
+        self.time(log, seconds, len(self.points))
+
+    def write(self, name: str, rows: str) -> None:
+        """Rows of frames.csv, labels.csv or gaps.csv, which come in order of log, stamp and configuration."""
+        if name in self._files:  # gaps only on request, nothing where nothing is to be written
+            self._files[name].write(rows)
+
+    def count(self, log: str, sums: FloatArray) -> None:
+        """The sums (C, len(SUMS)) of one frame, which come in order of log and stamp."""
         for name in (log, None):
             total = self._totals.of(name)
-            total += answers.sums
-        for stage, seconds in spent.items():
-            self._totals.stages.setdefault((log, stage), []).append(
-                (sum(seconds) / len(seconds), len(seconds))
-            )
+            total += sums
+
+    def time(self, log: str, spent: Mapping[str, tuple[float, int]], configurations: int) -> None:
+        """What one frame took under so many configurations: of each stage, mean seconds and how often."""
+        for stage, (seconds, times) in spent.items():
+            self._totals.stages.setdefault((log, stage), Stage()).add(seconds, times, configurations)
 
     def finish(self, config: str, manifest: Mapping[str, Any], logs: Sequence[str]) -> None:
         """The files that need all frames: summary, timing, configuration (YAML) and manifest."""
@@ -115,27 +137,19 @@ class Store:
     def sums(self, point: Point, log: str | None = None) -> dict[str, float]:
         return dict(zip(SUMS, self._totals.of(log)[self._rows[point.id]].tolist(), strict=True))
 
-    def _write(self, file: str, row: Mapping[str, Any]) -> None:
-        if file in self._tables:  # gaps only on request, nothing where nothing is to be written
-            self._tables[file].writerow(_cells(row))
-
     def timings(self) -> list[dict[str, Any]]:
         """The rows of timing.csv."""
-        rows = []
-        for (log, stage), done in self._totals.stages.items():
-            seconds = [second for second, _ in done]
-            times = sum(count for _, count in done)
-            rows.append(
-                {
-                    "log": log,
-                    "stage": stage,
-                    "shared_by": len(self.points) * len(done) / times,
-                    "frames": len(done),
-                    "median": float(np.median(seconds)),
-                    "p95": float(np.quantile(seconds, 0.95)),
-                }
-            )
-        return rows
+        return [
+            {
+                "log": log,
+                "stage": stage,
+                "shared_by": done.served / done.times,
+                "frames": len(done.seconds),
+                "median": float(np.median(done.seconds)),
+                "p95": float(np.quantile(done.seconds, 0.95)),
+            }
+            for (log, stage), done in self._totals.stages.items()
+        ]
 
 
 @contextmanager
@@ -143,7 +157,7 @@ def open_store(folder: Path, points: Sequence[Point], with_gaps: bool = False) -
     """The result files of a folder; they appear when the block ends well, the manifest last."""
     make_folder(folder)
     gaps = (GAPS,) if with_gaps else ()
-    names = ("summary.csv", "frames.csv", "labels.csv", *gaps, "timing.csv", "config.yaml", MANIFEST)
+    names = ("summary.csv", FRAMES, LABELS, *gaps, "timing.csv", "config.yaml", MANIFEST)
     with whole_files(folder, names) as files:
         yield Store(files, points)
     if not with_gaps:  # those of an earlier sweep do not belong to these results

@@ -113,12 +113,14 @@ def sums_row(sums: Mapping[str, float]) -> Row:
     return {name: _number(name, sums[name]) for name in names}
 
 
-def label_rows(labels: Iterable[LabelScore]) -> Iterator[Row]:
+def label_rows(labels: Iterable[LabelScore]) -> Iterator[list[Any]]:
+    """What follows the configuration in the columns of LABELS."""
     for label in labels:
-        yield {name: getattr(label, name) for name in LABELS[3:]}
+        yield [getattr(label, name) for name in LABELS[3:]]
 
 
-def gap_rows(gaps: Iterable[GapAnswer]) -> Iterator[Row]:
+def gap_rows(gaps: Iterable[GapAnswer]) -> Iterator[list[Any]]:
+    """What follows the configuration in the columns of GAPS."""
     for index, gap in enumerate(gaps):
         row: Row = {"gap": index, "area": gap.area}
         for method, crossing in gap.crossings.items():
@@ -127,7 +129,7 @@ def gap_rows(gaps: Iterable[GapAnswer]) -> Iterator[Row]:
                     row |= {f"{name}_{axis}": part for axis, part in zip("xyz", value, strict=True)}
                 else:
                     row[name] = value
-        yield row
+        yield [row.get(name) for name in GAPS[3:]]
 
 
 def cell(value: Any) -> str | int | float:
@@ -141,5 +143,10 @@ def cell(value: Any) -> str | int | float:
     return str(value)
 
 
+def is_real(name: str) -> bool:
+    """Whether a sum is of areas, angles or ratios; the others are counts."""
+    return name.endswith(("_sum", "_area"))
+
+
 def _number(name: str, value: float) -> float | int:
-    return float(value) if name.endswith(("_sum", "_area")) else int(value)
+    return float(value) if is_real(name) else int(value)
