@@ -204,27 +204,28 @@ def test_a_failed_sweep_leaves_the_results_of_the_last(tmp_path: Path, trench: P
     log = drive(tmp_path / "drive.mcap", 2)
     options = ("--labels", trench, "-p", "delta_r=1.05", "-o", tmp_path / "out", "--jobs", 1)
     assert gapeval("sweep", log, *options).status == 0
-    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
     empty = drive_with(tmp_path / "empty.mcap", [(stamp, np.full((5, 3), np.nan)) for stamp in stamps(3)])
     failed = gapeval("sweep", empty, *options)
     assert failed.status == 1
-    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    after = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir() if path.is_file()}
+    assert after == before
 
 
 @pytest.mark.parametrize(
     ("sent", "begun", "later", "status"),
     [
-        (signal.SIGINT, 1000, 0.1, 130),  # in the middle of a unit
+        (signal.SIGINT, 1, 0.1, 130),  # in the middle of a unit
         (signal.SIGINT, 0, 0.0, 130),  # while the workers start
         (signal.SIGINT, 0, 0.15, 130),
         (signal.SIGINT, 0, 0.4, 130),
-        (signal.SIGKILL, 1000, 0.0, -signal.SIGKILL),
+        (signal.SIGKILL, 1, 0.0, -signal.SIGKILL),
     ],
 )
 def test_an_interrupted_sweep_leaves_nothing_that_looks_whole(
     tmp_path: Path, sent: int, begun: int, later: float, status: int
 ) -> None:
-    """Sent `later` [s] than when `begun` bytes of frames.csv are written."""
+    """Sent `later` [s] than when so many parts are there and the next are begun."""
     log = drive(tmp_path / "drive.mcap", 60)
     grid = ("-p", "delta_r=" + ",".join(f"{1.02 + step / 1000}" for step in range(60)), "-p", "n_o=0,1,2")
     command = [
@@ -240,8 +241,8 @@ def test_an_interrupted_sweep_leaves_nothing_that_looks_whole(
         "2",
     ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    frames = tmp_path / "out" / "frames.csv.part"
-    while process.poll() is None and not (frames.exists() and frames.stat().st_size >= begun):
+    parts = tmp_path / "out" / "parts"
+    while process.poll() is None and not ((parts / "sweep.json").exists() and done(parts) >= begun):
         time.sleep(0.02)
     assert process.poll() is None, "it was done before it could be interrupted"
     time.sleep(later)
@@ -249,10 +250,15 @@ def test_an_interrupted_sweep_leaves_nothing_that_looks_whole(
     _, errors = process.communicate(timeout=60)
     assert process.returncode == status
     if sent == signal.SIGINT:
-        assert list((tmp_path / "out").iterdir()) == []
-        assert errors.rstrip().splitlines()[-1].startswith("gapeval: interrupted")
+        last = errors.rstrip().splitlines()[-1]
+        assert last == f"gapeval: interrupted; go on with: gapeval sweep --resume {tmp_path / 'out'}"
         assert "Traceback" not in errors
-    assert [path for path in (tmp_path / "out").iterdir() if path.suffix != ".part"] == []
+        assert list(parts.glob("*.part")) == []
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["parts"]
+
+
+def done(parts: Path) -> int:
+    return len(list(parts.glob("*.npz.zst")))
 
 
 def test_real_log_hits_all_three_gaps_in_all_three_frames(tmp_path: Path, real_data: Path) -> None:

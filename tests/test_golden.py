@@ -15,9 +15,12 @@ import pytest
 from gapeval.config import load_config
 from gapeval.labels import read_labels
 from gapeval.logs.read import read_recording
-from gapeval.results.from_sweep import plan, write_sweep
+from gapeval.results.from_sweep import begin, evaluate_missing, plan, write_results
 from gapeval.results.manifest import SCORER
+from gapeval.results.part import make_part
+from gapeval.results.parts import locked
 from gapeval.scoring.metrics import METRICS, figures
+from gapeval.sweep.executor import in_this_process
 
 CONFIG = Path(__file__).parent.parent / "configs" / "os1_street.yaml"
 CONFIGURATIONS = 2 * 3 * 4 * 3
@@ -165,8 +168,12 @@ def sweep(folder, suffix, output):
     log = folder / "os1_street" / f"os1_street.{suffix}"
     labels = read_labels(folder / "os1_street" / "labels.geojson")
     output.mkdir()
-    done = write_sweep(plan(config, [read_recording(log, config.log)], [labels]), output, 1, lambda: None)
-    return done.store
+    planned = plan(config, [read_recording(log, config.log)], [labels])
+    with locked(output) as parts:
+        begun = begin(planned, parts)
+        workers = in_this_process(make_part, planned.task)
+        assert list(evaluate_missing(begun, workers, lambda _: None)) == []
+        return write_results(begun, [], output).store
 
 
 @pytest.fixture(scope="module")

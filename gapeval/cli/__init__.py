@@ -55,8 +55,10 @@ def main(arguments: list[str] | None = None) -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(error.exit_code)
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("gapeval: interrupted; nothing unfinished was left behind", err=True)
+    except (click.Abort, KeyboardInterrupt) as interrupt:
+        # click hides the interrupt of a command behind an Abort.
+        what_to_do = str(interrupt) or str(interrupt.__cause__ or "") or "nothing unfinished was left behind"
+        click.echo(f"gapeval: interrupted; {what_to_do}", err=True)
         sys.exit(INTERRUPTED)
     except GapevalError as error:
         if debug:

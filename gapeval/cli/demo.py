@@ -34,7 +34,7 @@ def demo(output: Path, jobs: int | None) -> None:
     """
     from gapeval.cli.detecting import detect_gaps
     from gapeval.cli.simulating import simulate_log
-    from gapeval.cli.sweeping import sweep_logs
+    from gapeval.cli.sweeping import Way, sweep_logs
     from gapeval.config import Config
 
     simulated, log, labels = simulate_log("tunnel", SENSOR, FRAMES, SEED, "mcap", output)
@@ -42,7 +42,7 @@ def demo(output: Path, jobs: int | None) -> None:
     gaps, picture = output / "detections.geojson", output / "frame.png"
     detect_gaps(papers, log, gaps, picture, labels=labels)
     grid = papers.model_copy(update={"grid": GRID})
-    sweep_logs(grid, [log], [labels], output / "results", jobs, also=papers.base.id)
+    sweep_logs(grid, [log], [labels], output / "results", Way(jobs), also=papers.base.id)
     click.echo(f"paper      configuration {papers.base.id}")
     for what, path in {"log": log, "labels": labels, "gaps": gaps, "picture": picture}.items():
         click.echo(f"{what:<10} {path}")

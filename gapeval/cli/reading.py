@@ -58,6 +58,11 @@ def say_more(text: str) -> None:
         say(text)
 
 
+def debugging() -> bool:
+    """Whether --debug was given."""
+    return bool(click.get_current_context().find_root().obj["debug"])
+
+
 def say_newly_refused(recording: "Recording", refused: Mapping[str, int]) -> None:
     """What was refused since the recording was opened."""
     for reason, count in refused.items():

@@ -1,18 +1,46 @@
 """Sweep logs for a command: progress while frames are evaluated, then the best configurations."""
 
 import os
-from collections.abc import Sequence
+import shlex
+import traceback
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
-from gapeval.cli.reading import open_logs, progress_bar, say, say_more, say_newly_refused
+from gapeval.cli.reading import debugging, open_logs, progress_bar, say, say_more, say_newly_refused
 from gapeval.config import Config
+from gapeval.errors import GapevalError
 from gapeval.files import make_folder
 from gapeval.labels import read_labels
 from gapeval.report.text import best_table, counted, timing_table
-from gapeval.results.from_sweep import log_names, plan, unmatched_stamps, write_sweep
+from gapeval.results.from_sweep import (
+    Begun,
+    begin,
+    evaluate_missing,
+    log_names,
+    plan,
+    reason,
+    unmatched_stamps,
+    write_results,
+)
+from gapeval.results.part import make_part
+from gapeval.results.parts import Input, Order, locked, read_order
+from gapeval.sweep.executor import Finished, Workers, in_processes, in_this_process
 from gapeval.sweep.grid import configurations
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """How a sweep is done, which its results do not depend on.
+
+    jobs: processes, None for all cores. fail_fast: stop at the first unit that fails.
+    """
+
+    jobs: int | None = None
+    fail_fast: bool = False
 
 
 def sweep_logs(
@@ -20,34 +48,99 @@ def sweep_logs(
     logs: Sequence[Path],
     label_files: Sequence[Path],
     output: Path,
-    jobs: int | None,
+    way: Way,
     with_gaps: bool = False,
     also: str = "",
 ) -> None:
     """Evaluate a grid over logs, write its files, print what came out.
 
-    jobs: None for all cores. also: a configuration to print though it may not be among the best.
+    also: a configuration to print though it may not be among the best. Raises GapevalError when all is done
+    but for units that failed.
     """
-    grid = counted(len(configurations(config)), "configuration")
+    order = Order(tuple(map(Input, logs)), tuple(map(Input, label_files)), config, with_gaps)
+    _sweep(order, output, way, also)
+
+
+def resume_sweep(output: Path, way: Way) -> None:
+    """Do the same as the last sweep into this folder."""
+    _sweep(read_order(output), output, way)
+
+
+def _sweep(order: Order, output: Path, way: Way, also: str = "") -> None:
+    logs = [log.path for log in order.logs]
+    grid = counted(len(configurations(order.config)), "configuration")
     log_names(logs)
-    labels = [read_labels(path) for path in label_files]
+    labels = [read_labels(drawn.path) for drawn in order.labels]
     make_folder(output)
-    planned = plan(config, open_logs(logs, config.log), labels, with_gaps)
+    planned = plan(order.config, open_logs(logs, order.config.log), labels, order.gaps)
     for drawn, missing in unmatched_stamps(planned).items():
         if missing:
             say(f"{drawn.path}: {len(missing)} labelled stamps are no cloud, the first {missing[0]}")
-    with progress_bar(f"sweep {grid}", planned.frames, "frames") as bar:
-        done = write_sweep(planned, output, jobs or os.cpu_count() or 1, bar.update)
-        seconds = bar.format_dict["elapsed"]
+    with locked(output) as parts, told_how_to_go_on(output):
+        begun = begin(planned, parts)
+        now = (*begun.order.logs, *begun.order.labels)
+        for before, after in zip((*order.logs, *order.labels), now, strict=True):
+            if before.sha256 not in ("", after.sha256):
+                say(f"{after.path}: has changed since that sweep began; evaluated again")
+        if begun.frames_there:
+            say(f"resuming: {begun.frames_there} of {counted(planned.frames, 'frame')} are there")
+        with progress_bar(f"sweep {grid}", planned.frames, "frames") as bar:
+            bar.update(begun.frames_there)
+            failed = _evaluate(begun, way, bar.update)
+            seconds = bar.format_dict["elapsed"]
+        if failed and way.fail_fast:
+            raise GapevalError(f"{_told(failed, begun)}; nothing was merged; run the same command again")
+        done = write_results(begun, failed, output)
     for recording, entry in zip(planned.task.recordings, done.logs, strict=True):
         say_newly_refused(recording, entry["refused"])
     say_more(timing_table(done.store))
     refused = sum(sum(entry["refused"].values()) for entry in done.logs)
-    evaluated = len(done.store.points) * done.frames
+    evaluated = sum(len(unit.span) * len(unit.configurations) for unit in begun.there.missing)
+    rate = f" in {seconds:.1f} s ({evaluated / max(seconds, 1e-9):.0f}/s)" if evaluated else ""
     click.echo(f"{best_table(done.store, also)}\n")
     click.echo(
-        f"evaluated  {grid} on {counted(done.frames, 'frame')} of {counted(len(logs), 'log')} "
-        f"in {seconds:.1f} s ({evaluated / max(seconds, 1e-9):.0f}/s)\n"
+        f"evaluated  {grid} on {counted(done.frames, 'frame')} of {counted(len(done.logs), 'log')}{rate}\n"
         f"refused    {refused} of {counted(sum(entry['clouds'] for entry in done.logs), 'cloud')}\n"
         f"files      in {output}: {', '.join(done.store.names)}"
+    )
+    if failed:
+        raise GapevalError(f"{_told(failed, begun)}; run the same command again")
+
+
+@contextmanager
+def told_how_to_go_on(output: Path) -> Iterator[None]:
+    """Ctrl-C with the command that finishes the sweep."""
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt(
+            f"go on with: gapeval sweep --resume {shlex.quote(str(output))}"
+        ) from interrupt
+
+
+def _evaluate(begun: Begun, way: Way, advance: Callable[[int], object]) -> list[Finished]:
+    """The units that failed."""
+    failed = []
+    with closing(evaluate_missing(begun, _workers(begun, way), advance)) as failures:
+        for one in failures:
+            failed.append(one)
+            if debugging():
+                say("".join(traceback.format_exception(one.error)))
+            if way.fail_fast:
+                break
+    return failed
+
+
+def _workers(begun: Begun, way: Way) -> Workers:
+    jobs = min(way.jobs or os.cpu_count() or 1, len(begun.there.missing))
+    if jobs <= 1:
+        return in_this_process(make_part, begun.sweep.task)
+    return in_processes(make_part, begun.sweep.task, jobs)
+
+
+def _told(failed: Sequence[Finished], begun: Begun) -> str:
+    frames = counted(sum(len(one.unit.span) for one in failed), "frame")
+    return (
+        f"{len(failed)} of {counted(len(begun.there.missing), 'unit')} failed, {frames}: "
+        f"the first because {reason(failed[0])}"
     )

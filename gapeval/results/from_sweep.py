@@ -2,7 +2,8 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,25 +13,57 @@ from gapeval.errors import ConfigError, GapevalError
 from gapeval.labels import Labels, require_frames
 from gapeval.logs.read import Recording
 from gapeval.results.manifest import LogTally, label_entry, log_entry, manifest
+from gapeval.results.part import FILES, UnreadablePartError, merged
+from gapeval.results.parts import (
+    Input,
+    Order,
+    There,
+    keys,
+    look,
+    read_part,
+    remove_others,
+    write_order,
+    write_part,
+)
 from gapeval.results.store import Store, open_store
 from gapeval.results.tables import point
 from gapeval.scoring.scene import common_domain
 from gapeval.sweep.evaluation import Question
-from gapeval.sweep.executor import Task, run
+from gapeval.sweep.executor import Finished, Workers, results
 from gapeval.sweep.grid import configurations
+from gapeval.sweep.provenance import content_digest
+from gapeval.sweep.units import Span, Task, split
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sweep:
-    """What is to be done. names: what each log is called in the results."""
+    """What is to be done. label_files: as they were given, one for all logs or one for each."""
 
     config: Config
-    names: tuple[str, ...]
+    label_files: tuple[Labels, ...]
     task: Task
 
     @property
     def frames(self) -> int:
         return sum(len(recording.scans) for recording in self.task.recordings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Begun:
+    """A sweep and what is there of it. parts: their folder. keys: of each log's parts."""
+
+    sweep: Sweep
+    order: Order
+    parts: Path
+    keys: tuple[str, ...]
+    spans: tuple[Span, ...]
+    there: There
+
+    @property
+    def frames_there(self) -> int:
+        """Frames that need no more work."""
+        missing = {unit.span for unit in self.there.missing}
+        return sum(len(span) for span in self.spans if span not in missing)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,35 +94,117 @@ def plan(
         require_frames(drawn, recording.robot_frame, recording.fixed_frame)
     found = configurations(config)
     question = Question(found, config.scoring, *common_domain(found, config.scoring), keep_gaps)
-    task = Task(tuple(recordings), tuple(each) or (None,) * len(recordings), question)
-    return Sweep(config, log_names([recording.path for recording in recordings]), task)
+    names = log_names([recording.path for recording in recordings])
+    task = Task(tuple(recordings), names, tuple(each) or (None,) * len(recordings), question)
+    return Sweep(config, tuple(labels), task)
 
 
-def write_sweep(sweep: Sweep, folder: Path, jobs: int, advance: Callable[[], object]) -> Outcome:
-    """Evaluate all frames; `advance` is called after each. The files appear when all is done."""
+def begin(sweep: Sweep, parts: Path) -> Begun:
+    """Note what is to be done, and look what is there already. The folder must be locked."""
     task = sweep.task
+    digests = [content_digest(recording.path) for recording in task.recordings]
+    order = Order(
+        tuple(
+            Input(one.path.resolve(), digest) for one, digest in zip(task.recordings, digests, strict=True)
+        ),
+        tuple(Input(drawn.path.resolve(), drawn.sha256) for drawn in sweep.label_files),
+        sweep.config,
+        task.question.keep_gaps,
+    )
+    write_order(parts, order)
+    spans, found = tuple(split(task)), keys(task, sweep.config, digests)
+    return Begun(sweep, order, parts, found, spans, look(parts, task, found, spans))
+
+
+def evaluate_missing(
+    begun: Begun, workers: Workers, advance: Callable[[int], object]
+) -> Generator[Finished, None, None]:
+    """Evaluate what is not there and keep each part as it comes; yields the units that failed.
+
+    advance: called with the frames of each unit. Raises GapevalError where a part cannot be written.
+    """
+    with closing(results(workers, begun.there.missing)) as finished:
+        for one in finished:
+            if one.error is None:
+                span = one.unit.span
+                key = begun.keys[span.recording]
+                path = write_part(begun.parts, begun.sweep.task, key, one.unit, one.made)
+                begun.there.paths[span].append(path)
+            advance(len(one.unit.span))
+            if one.error is not None:
+                yield one
+
+
+def write_results(begun: Begun, failed: Sequence[Finished], folder: Path) -> Outcome:
+    """The result files, from all parts, one span at a time. Spans of which a unit failed are left out."""
+    sweep, task = begun.sweep, begun.sweep.task
+    lost = {one.unit.span for one in failed}
     tallies = [LogTally(dict(recording.refused)) for recording in task.recordings]
     points = [point(configuration) for configuration in task.question.configurations]
+    ids = [one.id for one in points]
     with open_store(folder, points, task.question.keep_gaps) as store:
-        for frame in run(task, jobs):
-            tally = tallies[frame.recording]
-            if frame.answers is None:
-                tally.refuse(frame.refusal)
-            else:
-                tally.add(frame.digest, frame.points, frame.dropped)
-                store.add(sweep.names[frame.recording], frame.stamp, frame.answers, frame.spent)
-            advance()
-        for recording, tally in zip(task.recordings, tallies, strict=True):
-            if tally.frames == 0:
+        for span in begun.spans:
+            if span not in lost:
+                _merge(begun, span, ids, tallies[span.recording], store)
+        for index, (recording, tally) in enumerate(zip(task.recordings, tallies, strict=True)):
+            if tally.frames == 0 and not any(span.recording == index for span in lost):
                 reasons = "; ".join(f"{count} x {reason}" for reason, count in tally.refused.items())
                 raise GapevalError(f"{recording.path}: no cloud could be used ({reasons})")
-        entries = tuple(map(log_entry, sweep.names, task.recordings, tallies))
+        entries = tuple(map(log_entry, task.names, task.recordings, tallies))
         labels = [
             label_entry(drawn) | {"unmatched_stamps": len(missing)}
             for drawn, missing in unmatched_stamps(sweep).items()
         ]
-        store.finish(_effective(sweep).to_yaml(), manifest(entries, labels, len(points)), sweep.names)
+        failures = [_failure(task, one) for one in sorted(failed, key=lambda one: _order(one.unit.span))]
+        store.finish(
+            _effective(sweep).to_yaml(), manifest(entries, labels, len(points), failures), task.names
+        )
+    remove_others(begun.parts, begun.keys)
     return Outcome(store, entries)
+
+
+def _merge(begun: Begun, span: Span, ids: Sequence[str], tally: LogTally, store: Store) -> None:
+    try:
+        parts = [read_part(path) for path in begun.there.paths[span]]
+    except UnreadablePartError as error:
+        raise GapevalError(
+            f"{error}: a part that was there is damaged; run the same command again"
+        ) from error
+    unit, name = (
+        merged(parts, ids, [file for file in FILES if file in store.names]),
+        begun.sweep.task.names[span.recording],
+    )
+    for reason in unit.first.refusals:
+        tally.refuse(reason)
+    for file, rows in unit.rows.items():
+        store.write(file, rows)
+    for frame, digest in enumerate(unit.first.digests):
+        tally.add(digest, int(unit.first.points[frame]), int(unit.first.dropped[frame]))
+        store.count(name, unit.sums[frame])
+        store.time(name, [(part.spent[frame], len(part.ids)) for part in unit.parts])
+
+
+def _failure(task: Task, failed: Finished) -> dict[str, Any]:
+    """An entry of the manifest."""
+    span = failed.unit.span
+    stamps = task.recordings[span.recording].scans.stamps[span.first : span.last].tolist()
+    return {
+        "log": task.names[span.recording],
+        "first": stamps[0],
+        "last": stamps[-1],
+        "frames": len(span),
+        "reason": reason(failed),
+    }
+
+
+def reason(failed: Finished) -> str:
+    """Why a unit failed, in one line."""
+    text = " ".join(str(failed.error).split())
+    return text if isinstance(failed.error, GapevalError) else f"{type(failed.error).__name__}: {text}"
+
+
+def _order(span: Span) -> tuple[int, int]:
+    return span.recording, span.first
 
 
 def unmatched_stamps(sweep: Sweep) -> dict[Labels, list[int]]:
@@ -103,7 +218,7 @@ def unmatched_stamps(sweep: Sweep) -> dict[Labels, list[int]]:
     return {drawn: sorted(stamps) for drawn, stamps in missing.items()}
 
 
-def log_names(paths: Sequence[Path]) -> tuple[str, ...]:
+def log_names(paths: Iterable[Path]) -> tuple[str, ...]:
     """Paths relative to the logs' common parent. Raises ConfigError if a log is named twice."""
     resolved = [path.resolve() for path in paths]
     if len(set(resolved)) < len(resolved):

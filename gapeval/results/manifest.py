@@ -1,22 +1,16 @@
 """What results were made from: versions, inputs and counts. No dates and no number of workers."""
 
 import hashlib
-import platform
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import version
 from typing import Any
 
 from gapeval import __version__
 from gapeval.labels import Labels
 from gapeval.logs.read import Recording
+from gapeval.sweep.provenance import versions
 
 SCORER = 1  # raise it when equal inputs are scored differently; such results cannot be compared
-LIBRARIES = ("numpy", "opencv-python-headless", "shapely", "scipy", "rosbags", "mcap")
-
-
-def versions() -> dict[str, str]:
-    return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
 
 
 @dataclass(slots=True)
@@ -68,8 +62,12 @@ def label_entry(labels: Labels) -> dict[str, Any]:
 
 
 def manifest(
-    logs: Sequence[dict[str, Any]], labels: Sequence[dict[str, Any]], configurations: int
+    logs: Sequence[dict[str, Any]],
+    labels: Sequence[dict[str, Any]],
+    configurations: int,
+    failed: Sequence[dict[str, Any]] = (),
 ) -> dict[str, Any]:
+    """failed: the frames that are not in the results because something went wrong with them."""
     return {
         "gapeval": __version__,
         "scorer": SCORER,
@@ -77,4 +75,5 @@ def manifest(
         "configurations": configurations,
         "logs": list(logs),
         "labels": list(labels),
+        "failed": list(failed),
     }

@@ -16,6 +16,7 @@ from gapeval.sweep.evaluation import Answers
 
 T = TypeVar("T")
 FRAMES, LABELS, GAPS = "frames.csv", "labels.csv", "gaps.csv"
+COUNTS = [str(count) for count in range(1000)]
 SCORED = tuple(SUMS).index("scored_frames")
 
 
@@ -53,14 +54,17 @@ def _sums(sums: FloatArray) -> Iterable[str]:
         if name not in shown:
             columns.append([""] * len(sums))
         elif constant[index]:
-            columns.append([_number(name)(sums[0, index].item())] * len(sums))
+            columns.append(_texts(name, sums[:1, index]) * len(sums))
         else:
-            columns.append(map(_number(name), sums[:, index].tolist()))
+            columns.append(_texts(name, sums[:, index]))
     return map(",".join, zip(*columns, strict=True))
 
 
-def _number(name: str) -> Callable[[float], str]:
-    return repr if tables.is_real(name) else "{:.0f}".format
+def _texts(name: str, column: FloatArray) -> list[str]:
+    if tables.is_real(name):
+        return list(map(repr, column.tolist()))
+    counts = column.astype(np.int64).tolist()
+    return list(map(COUNTS.__getitem__ if max(counts) < len(COUNTS) else str, counts))
 
 
 def _several(
@@ -79,7 +83,13 @@ def _several(
 
 
 def _field(value: object) -> str:
+    if type(value) is float and value:  # a zero may have a sign, which equal floats would share
+        return _real(value)
     return quoted(value) if isinstance(value, str) else str(tables.cell(value))
+
+
+# Of a label or gap, most figures are the same under many configurations.
+_real = lru_cache(1 << 14)(repr)
 
 
 @lru_cache(4096)

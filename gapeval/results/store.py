@@ -3,7 +3,7 @@
 import csv
 import json
 from array import array
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -80,7 +80,7 @@ class Store:
             self.write(name, "".join(texts))
         self.count(log, answers.sums)
         seconds = {stage: (sum(each) / len(each), len(each)) for stage, each in spent.items()}
-        self.time(log, seconds, len(self.points))
+        self.time(log, [(seconds, len(self.points))])
 
     def write(self, name: str, rows: str) -> None:
         """Rows of frames.csv, labels.csv or gaps.csv, which come in order of log, stamp and configuration."""
@@ -93,10 +93,20 @@ class Store:
             total = self._totals.of(name)
             total += sums
 
-    def time(self, log: str, spent: Mapping[str, tuple[float, int]], configurations: int) -> None:
-        """What one frame took under so many configurations: of each stage, mean seconds and how often."""
-        for stage, (seconds, times) in spent.items():
-            self._totals.stages.setdefault((log, stage), Stage()).add(seconds, times, configurations)
+    def time(self, log: str, evaluations: Iterable[tuple[Mapping[str, tuple[float, int]], int]]) -> None:
+        """What one frame took, each time it was evaluated, and under how many configurations.
+
+        Of each stage: mean seconds, and how often it was done.
+        """
+        done: dict[str, list[tuple[float, int, int]]] = {}
+        for spent, configurations in evaluations:
+            for stage, (seconds, times) in spent.items():
+                done.setdefault(stage, []).append((seconds, times, configurations))
+        for stage, each in done.items():
+            times = sum(count for _, count, _ in each)
+            mean = sum(seconds * count for seconds, count, _ in each) / times
+            served = sum(configurations for _, _, configurations in each)
+            self._totals.stages.setdefault((log, stage), Stage()).add(mean, times, served)
 
     def finish(self, config: str, manifest: Mapping[str, Any], logs: Sequence[str]) -> None:
         """The files that need all frames: summary, timing, configuration (YAML) and manifest."""

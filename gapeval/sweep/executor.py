@@ -1,129 +1,129 @@
-"""All frames of all logs, in order, by one process or by many."""
+"""Units to workers and back: in this process, or in several. A cluster's workers are in `cluster`."""
 
+import os
 import signal
-import time
 from collections import deque
-from collections.abc import Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
-from multiprocessing import get_context
-from threading import current_thread, main_thread
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from multiprocessing import connection, get_context, parent_process
+from threading import Thread, current_thread, main_thread
+from typing import Any
 
 import cv2
 
 from gapeval.errors import GapevalError
-from gapeval.frame import Frame
-from gapeval.labels import Labels
-from gapeval.logs.read import Recording, frame_digest, read_frames
-from gapeval.sweep.evaluation import Answers, Question, evaluate
+from gapeval.sweep.units import Task, Unit
 
-LARGEST_UNIT = 16  # frames; small enough for a live progress bar
-UNITS_PER_WORKER = 4
+Stopped = Callable[[], bool]
+Work = Callable[[Task, Unit, Stopped], bytes]
+Submit = Callable[[Unit], "Future[bytes]"]
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
-    """A whole sweep. labels: of each recording, or None."""
+class Workers:
+    """Who does the work. begin: ready to be given units until it is left; at_once: units in their hands."""
 
-    recordings: tuple[Recording, ...]
-    labels: tuple[Labels | None, ...]
-    question: Question
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """Frames [first, last) of a recording."""
-
-    recording: int
-    first: int
-    last: int
+    begin: Callable[[], AbstractContextManager[Submit]]
+    at_once: int
 
 
-@dataclass(frozen=True, slots=True)
-class EvaluatedFrame:
-    """One frame of a recording: its answers, or why it was refused when it was read.
+@dataclass(frozen=True, slots=True, eq=False)
+class Finished:
+    """What became of a unit: what the work made of it, or why there is nothing."""
 
-    points, dropped: how many the cloud has, and how many of it were left out. spent: seconds of each time
-    that a step was done, by its name.
+    unit: Unit
+    made: bytes = b""
+    error: Exception | None = None
+
+
+class WorkerDiedError(GapevalError):
+    """A unit after which its worker was gone."""
+
+
+def results(workers: Workers, units: Sequence[Unit]) -> Generator[Finished, None, None]:
+    """Each unit as it is finished; only so many are in hands at a time that memory stays flat.
+
+    Where a worker dies, the units that it may have died of are given to others one at a time, until one
+    is alone with a worker that dies: that one has failed.
     """
-
-    recording: int
-    stamp: int
-    refusal: str = ""
-    digest: bytes = b""
-    points: int = 0
-    dropped: int = 0
-    answers: Answers | None = None
-    spent: dict[str, list[float]] = field(default_factory=dict)
-
-
-def run(task: Task, jobs: int) -> Iterator[EvaluatedFrame]:
-    """The frames of all recordings, in order of recording and stamp, whatever the number of processes."""
-    one_thread()
-    units = split(task, jobs)
-    if jobs == 1 or len(units) == 1:
-        for unit in units:
-            yield from run_unit(task, unit)
-        return
-    for frames in _run_in_processes(task, units, min(jobs, len(units))):
-        yield from frames
+    waiting, suspects = deque(units), deque[Unit]()
+    while waiting or suspects:
+        with workers.begin() as submit:
+            if not suspects:
+                suspects.extend((yield from _work_off(submit, waiting, workers.at_once)))
+            elif lost := (yield from _work_off(submit, suspects, 1)):
+                died = WorkerDiedError("its worker died, perhaps for want of memory; use fewer --jobs")
+                yield Finished(lost[0], error=died)
+                waiting.extendleft(reversed(suspects))
+                suspects.clear()
 
 
-def split(task: Task, jobs: int) -> list[Unit]:
-    """Units small enough that all workers have something to do until the end."""
-    total = sum(len(recording.scans) for recording in task.recordings)
-    size = max(1, min(LARGEST_UNIT, -(-total // (jobs * UNITS_PER_WORKER))))
-    return [
-        Unit(index, first, min(first + size, len(recording.scans)))
-        for index, recording in enumerate(task.recordings)
-        for first in range(0, len(recording.scans), size)
-    ]
+def _work_off(submit: Submit, waiting: deque[Unit], at_once: int) -> Generator[Finished, None, list[Unit]]:
+    """Until no unit is waiting or a worker dies; returns the units that were in hands then."""
+    pending: dict[Future[bytes], Unit] = {}
+    lost: list[Unit] = []
+    while pending or (waiting and not lost):
+        while waiting and not lost and len(pending) < at_once:
+            unit = waiting.popleft()
+            try:
+                pending[submit(unit)] = unit
+            except BrokenProcessPool:
+                lost.append(unit)
+        done, _ = wait(pending, return_when=FIRST_COMPLETED)
+        for future in done:
+            unit = pending.pop(future)
+            error = future.exception()
+            if isinstance(error, BrokenProcessPool):
+                lost.append(unit)
+            elif isinstance(error, Exception):
+                yield Finished(unit, error=error)
+            else:
+                yield Finished(unit, future.result())
+    return lost
 
 
-def run_unit(task: Task, unit: Unit) -> Iterator[EvaluatedFrame]:
-    """Read and evaluate the frames of one unit."""
-    recording, labels = task.recordings[unit.recording], task.labels[unit.recording]
-    begin = time.perf_counter()
-    for frame in read_frames(recording, unit.first, unit.last):
-        read = time.perf_counter() - begin
-        if isinstance(frame, Frame):
-            answers, spent = evaluate(frame, task.question, labels, recording.robot_frame)
-            yield EvaluatedFrame(
-                recording=unit.recording,
-                stamp=frame.stamp,
-                digest=frame_digest(frame),
-                points=len(frame.points) + frame.dropped,
-                dropped=frame.dropped,
-                answers=answers,
-                spent={"read": [read]} | spent,
-            )
-        else:
-            yield EvaluatedFrame(unit.recording, frame.stamp, refusal=str(frame))
-        begin = time.perf_counter()
+def in_this_process(work: Work, task: Task) -> Workers:
+    """One unit at a time."""
+
+    def submit(unit: Unit) -> "Future[bytes]":
+        future: Future[bytes] = Future()
+        try:
+            future.set_result(work(task, unit, lambda: False))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    @contextmanager
+    def begin() -> Iterator[Submit]:
+        one_thread()
+        yield submit
+
+    return Workers(begin, 1)
 
 
-def _run_in_processes(task: Task, units: list[Unit], jobs: int) -> Iterator[list[EvaluatedFrame]]:
-    """Results in the order of the units; only so many units wait at a time that memory stays flat."""
-    # Spawned: OpenCV hangs in processes that were forked.
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=_begin_worker, initargs=(task,))
-    pending: deque[Future[list[EvaluatedFrame]]] = deque()
-    waiting = iter(units)
-    try:
-        for unit in waiting:
-            pending.append(_submit(pool, unit))
-            if len(pending) > 2 * jobs:
-                yield pending.popleft().result()
-        while pending:
-            yield pending.popleft().result()
-    except BrokenProcessPool as error:
-        raise GapevalError("a worker process died, perhaps for want of memory; use fewer --jobs") from error
-    finally:
-        # Workers end the frames that they are at: a pool whose workers are killed can hang for good.
-        pool.shutdown(wait=True, cancel_futures=True)
+def in_processes(work: Work, task: Task, jobs: int) -> Workers:
+    """So many processes. When it is left, they end with the frames that they are at."""
+
+    @contextmanager
+    def begin() -> Iterator[Submit]:
+        # Spawned: OpenCV hangs in processes that were forked. A plain byte: one that dies holds no lock.
+        context = get_context("spawn")
+        stop = context.RawValue("b", 0)
+        pool = ProcessPoolExecutor(jobs, context, initializer=_begin_worker, initargs=(work, task, stop))
+        try:
+            yield lambda unit: _submit(pool, unit)
+        finally:
+            stop.value = 1
+            # A pool whose workers are killed can hang for good.
+            pool.shutdown(wait=True, cancel_futures=True)
+
+    return Workers(begin, 2 * jobs)
 
 
-def _submit(pool: ProcessPoolExecutor, unit: Unit) -> Future[list[EvaluatedFrame]]:
+def _submit(pool: ProcessPoolExecutor, unit: Unit) -> "Future[bytes]":
     """Ctrl-C waits until the pool is in order again, and never reaches a worker that this starts."""
     if current_thread() is not main_thread():
         return pool.submit(_work, unit)
@@ -139,17 +139,27 @@ def _submit(pool: ProcessPoolExecutor, unit: Unit) -> Future[list[EvaluatedFrame
             raise KeyboardInterrupt
 
 
-_task: Task  # of a worker process
+_own: tuple[Work, Task, Any]  # of a worker process
 
 
-def _begin_worker(task: Task) -> None:
-    global _task
-    _task = task
+def _begin_worker(work: Work, task: Task, stop: Any) -> None:
+    global _own
+    _own = work, task, stop
+    Thread(target=_end_with_parent, daemon=True).start()
     one_thread()
 
 
-def _work(unit: Unit) -> list[EvaluatedFrame]:
-    return list(run_unit(_task, unit))
+def _end_with_parent() -> None:
+    """A worker whose parent was killed would wait for units for good."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+def _work(unit: Unit) -> bytes:
+    work, task, stop = _own
+    return work(task, unit, lambda: bool(stop.value))
 
 
 def one_thread() -> None:

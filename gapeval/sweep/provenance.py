@@ -1,0 +1,44 @@
+"""What decides results beside parameters: the code, its libraries and the content of the inputs."""
+
+import hashlib
+import platform
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+import shapely
+
+LIBRARIES = ("numpy", "opencv-python-headless", "shapely", "scipy", "rosbags", "mcap")
+PACKAGE = Path(__file__).parent.parent
+DECIDES_NOTHING = ("cli", "report", "simulate")  # of a sweep's results
+
+
+def versions() -> dict[str, str]:
+    return {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES}
+
+
+@cache
+def code() -> dict[str, str]:
+    """All that must be the same for results to be the same bytes, by name. source: digest of our own code."""
+    digest = hashlib.sha256()
+    for path in sorted(PACKAGE.rglob("*.py")):
+        place = path.relative_to(PACKAGE)
+        if place.parts[0] not in DECIDES_NOTHING:
+            digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes() + b"\0")
+    own = {"gapeval": version("gapeval"), "source": digest.hexdigest()[:16]}
+    return own | versions() | {"GEOS": shapely.geos_version_string, "machine": platform.machine()}
+
+
+def files_of(path: Path) -> list[Path]:
+    """The files of a log, which may be a folder."""
+    return sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+
+
+def content_digest(path: Path) -> str:
+    """SHA-256 over all bytes of a log."""
+    digest = hashlib.sha256()
+    for file in files_of(path):
+        with file.open("rb") as stream:
+            content = hashlib.file_digest(stream, "sha256").hexdigest()
+        digest.update(f"{file.relative_to(path).as_posix()}\0{content}\0".encode())
+    return digest.hexdigest()

@@ -1,0 +1,120 @@
+"""A sweep in units: a few frames of one log under some configurations, read once and evaluated in order."""
+
+import time
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from gapeval.frame import Frame
+from gapeval.labels import Labels
+from gapeval.logs.read import Recording, RefusedScan, frame_digest, read_frames
+from gapeval.sweep.evaluation import Answers, Question, evaluate
+
+UNITS = 64  # of a sweep; never by the number of workers, so that another number finds the same units
+LARGEST_UNIT = 16  # frames; small enough that little is lost, and that a part fits in memory
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """A whole sweep. names: what each log is called in the results. labels: of each recording, or None."""
+
+    recordings: tuple[Recording, ...]
+    names: tuple[str, ...]
+    labels: tuple[Labels | None, ...]
+    question: Question
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Frames [first, last) of a recording."""
+
+    recording: int
+    first: int
+    last: int
+
+    def __len__(self) -> int:
+        return self.last - self.first
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """What one worker does at a time. configurations: their places in the task's."""
+
+    span: Span
+    configurations: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EvaluatedFrame:
+    """One frame of a recording: its answers, or why it was refused when it was read.
+
+    points, dropped: how many the cloud has, and how many of it were left out. spent: seconds of each time
+    that a step was done, by its name.
+    """
+
+    stamp: int
+    refusal: str = ""
+    digest: bytes = b""
+    points: int = 0
+    dropped: int = 0
+    answers: Answers | None = None
+    spent: dict[str, list[float]] = field(default_factory=dict)
+
+
+class StoppedError(Exception):
+    """The sweep was stopped in the middle of a unit."""
+
+
+def split(task: Task) -> list[Span]:
+    """All frames, in order, in equal spans."""
+    total = sum(len(recording.scans) for recording in task.recordings)
+    size = max(1, min(LARGEST_UNIT, -(-total // UNITS)))
+    return [
+        Span(index, first, min(first + size, len(recording.scans)))
+        for index, recording in enumerate(task.recordings)
+        for first in range(0, len(recording.scans), size)
+    ]
+
+
+def run_unit(task: Task, unit: Unit, stopped: Callable[[], bool]) -> Iterator[EvaluatedFrame]:
+    """Read and evaluate the frames of one unit. Raises StoppedError between two frames."""
+    span, chosen = unit.span, task.question.configurations
+    recording, labels = task.recordings[span.recording], task.labels[span.recording]
+    question = replace(task.question, configurations=tuple(chosen[index] for index in unit.configurations))
+    with closing(read_ahead(recording, span)) as frames:
+        for frame, read in frames:
+            if stopped():
+                raise StoppedError
+            if isinstance(frame, Frame):
+                answers, spent = evaluate(frame, question, labels, recording.robot_frame)
+                yield EvaluatedFrame(
+                    stamp=frame.stamp,
+                    digest=frame_digest(frame),
+                    points=len(frame.points) + frame.dropped,
+                    dropped=frame.dropped,
+                    answers=answers,
+                    spent={"read": [read]} | spent,
+                )
+            else:
+                yield EvaluatedFrame(frame.stamp, refusal=str(frame))
+
+
+def read_ahead(recording: Recording, span: Span) -> Generator[tuple[Frame | RefusedScan, float], None, None]:
+    """The frames of a span and the seconds that each took to read: the next while one is worked at."""
+    frames: Any = read_frames(recording, span.first, span.last)
+
+    def read() -> tuple[Frame | RefusedScan, float] | None:
+        begin = time.perf_counter()
+        frame = next(frames, None)
+        return None if frame is None else (frame, time.perf_counter() - begin)
+
+    with ThreadPoolExecutor(1) as reader:  # the thread that opens a log must also close it
+        following = reader.submit(read)
+        try:
+            while (item := following.result()) is not None:
+                following = reader.submit(read)
+                yield item
+        finally:
+            reader.submit(frames.close).result()
