@@ -21,6 +21,11 @@ from gapeval.cli.options import PATH, configuration, log_options
 @log_options
 @click.option("-o", "--output", type=PATH, default=Path("results"), show_default=True, metavar="DIR")
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N", help="Worker processes; default: all cores.")
+@click.option(
+    "--executor",
+    metavar="URL",
+    help="dask://HOST:PORT: the workers of a Dask cluster instead; see docs/cluster.md.",
+)
 @click.option("--gaps", "with_gaps", is_flag=True, help="Also write gaps.csv: every gap of every frame.")
 @click.option(
     "--resume",
@@ -37,6 +42,7 @@ def sweep(
     label_files: tuple[Path, ...],
     output: Path,
     jobs: int | None,
+    executor: str | None,
     with_gaps: bool,
     resume: Path | None,
     fail_fast: bool,
@@ -57,17 +63,19 @@ def sweep(
     given = [
         parameter.opts[-1] if parameter.param_type_name == "option" else "logs"
         for parameter in context.command.params
-        if parameter.name not in ("jobs", "resume", "fail_fast")
+        if parameter.name not in ("jobs", "executor", "resume", "fail_fast")
         and context.get_parameter_source(parameter.name or "") == ParameterSource.COMMANDLINE
     ]
     if resume is not None and given:
         raise click.UsageError(f"--resume takes {given[0]} from the sweep that was begun; leave it out.")
+    if jobs is not None and executor is not None:
+        raise click.UsageError("--jobs is for processes of this machine, --executor for a cluster; give one.")
     if resume is None and not logs:
         raise click.UsageError("Missing argument 'LOG...'.")
 
     from gapeval.cli.sweeping import Way, resume_sweep, sweep_logs
 
-    way = Way(jobs, fail_fast)
+    way = Way(jobs, fail_fast, executor)
     if resume is not None:
         resume_sweep(resume, way)
     else:

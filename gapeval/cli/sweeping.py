@@ -28,6 +28,7 @@ from gapeval.results.from_sweep import (
 )
 from gapeval.results.part import make_part
 from gapeval.results.parts import Input, Order, locked, read_order
+from gapeval.sweep.cluster import connected, on_cluster, scheduler_address
 from gapeval.sweep.executor import Finished, Workers, in_processes, in_this_process
 from gapeval.sweep.grid import configurations
 
@@ -36,11 +37,13 @@ from gapeval.sweep.grid import configurations
 class Way:
     """How a sweep is done, which its results do not depend on.
 
-    jobs: processes, None for all cores. fail_fast: stop at the first unit that fails.
+    jobs: processes, None for all cores. fail_fast: stop at the first unit that fails. executor: where a
+    cluster's scheduler is, instead of processes.
     """
 
     jobs: int | None = None
     fail_fast: bool = False
+    executor: str | None = None
 
 
 def sweep_logs(
@@ -68,6 +71,8 @@ def resume_sweep(output: Path, way: Way) -> None:
 
 def _sweep(order: Order, output: Path, way: Way, also: str = "") -> None:
     logs = [log.path for log in order.logs]
+    if way.executor is not None:
+        scheduler_address(way.executor)
     grid = counted(len(configurations(order.config)), "configuration")
     log_names(logs)
     labels = [read_labels(drawn.path) for drawn in order.labels]
@@ -121,7 +126,7 @@ def told_how_to_go_on(output: Path) -> Iterator[None]:
 def _evaluate(begun: Begun, way: Way, advance: Callable[[int], object]) -> list[Finished]:
     """The units that failed."""
     failed = []
-    with closing(evaluate_missing(begun, _workers(begun, way), advance)) as failures:
+    with _workers(begun, way) as workers, closing(evaluate_missing(begun, workers, advance)) as failures:
         for one in failures:
             failed.append(one)
             if debugging():
@@ -131,11 +136,15 @@ def _evaluate(begun: Begun, way: Way, advance: Callable[[int], object]) -> list[
     return failed
 
 
-def _workers(begun: Begun, way: Way) -> Workers:
+@contextmanager
+def _workers(begun: Begun, way: Way) -> Iterator[Workers]:
+    task = begun.sweep.task
     jobs = min(way.jobs or os.cpu_count() or 1, len(begun.there.missing))
-    if jobs <= 1:
-        return in_this_process(make_part, begun.sweep.task)
-    return in_processes(make_part, begun.sweep.task, jobs)
+    if way.executor is not None and begun.there.missing:
+        with connected(way.executor) as client:
+            yield on_cluster(client, way.executor, make_part, task)
+    else:
+        yield in_processes(make_part, task, jobs) if jobs > 1 else in_this_process(make_part, task)
 
 
 def _told(failed: Sequence[Finished], begun: Begun) -> str:
