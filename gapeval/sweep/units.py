@@ -1,5 +1,6 @@
 """A sweep in units: a few frames of one log under some configurations, read once and evaluated in order."""
 
+import threading
 import time
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -110,11 +111,22 @@ def read_ahead(recording: Recording, span: Span) -> Generator[tuple[Frame | Refu
         frame = next(frames, None)
         return None if frame is None else (frame, time.perf_counter() - begin)
 
-    with ThreadPoolExecutor(1) as reader:  # the thread that opens a log must also close it
-        following = reader.submit(read)
-        try:
-            while (item := following.result()) is not None:
-                following = reader.submit(read)
-                yield item
-        finally:
-            reader.submit(frames.close).result()
+    reader = _reader()
+    following = reader.submit(read)
+    try:
+        while (item := following.result()) is not None:
+            following = reader.submit(read)
+            yield item
+    finally:
+        reader.submit(frames.close).result()  # the thread that opens a log must also close it
+
+
+_own = threading.local()
+
+
+def _reader() -> ThreadPoolExecutor:
+    """One thread that reads for this one, for good: what a new thread allocates is slow at first."""
+    if not hasattr(_own, "reader"):
+        _own.reader = ThreadPoolExecutor(1)
+    reader: ThreadPoolExecutor = _own.reader
+    return reader
