@@ -31,7 +31,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from gapeval.config import LogSection
 from gapeval.errors import LogError
 from gapeval.frame import Frame
-from gapeval.logs.read import frame_digest, read_frames, read_recording
+from gapeval.logs.read import frame_digest, is_costly_to_open, read_frames, read_recording
 from gapeval.logs.read.container import Source, in_time_order
 from gapeval.logs.read.opening import open_container
 
@@ -60,6 +60,18 @@ def digests(path, settings=None):
 def expected(tmp_path_factory, clouds, poses):
     path = tmp_path_factory.mktemp("reference") / "log.bag"
     return digests(write_log(path, clouds=clouds, poses=poses, container="bag"))
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_what_is_costly_to_open(tmp_path, clouds, poses, container):
+    """Files whose index does not say where everything is, and files that are compressed as a whole."""
+    path = write_log(tmp_path / "log", clouds=clouds, poses=poses, container=container)
+    without_index = ("mcap-no-index", "mcap-no-summary", "mcap-unchunked", "mcap-bare")
+    assert is_costly_to_open(path) == (container in without_index or "file" in container)
+    if path.is_file():
+        packed = tmp_path / "packed"
+        packed.write_bytes(zstd.compress(path.read_bytes()))
+        assert is_costly_to_open(packed)
 
 
 @pytest.mark.parametrize("container", CONTAINERS)

@@ -78,5 +78,7 @@ def test_help_imports_nothing_heavy() -> None:
         "pandas",
         "matplotlib",
         "tqdm",
+        "filelock",
+        "distributed",
     }
     assert heavy.isdisjoint(loaded)

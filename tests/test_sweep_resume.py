@@ -338,11 +338,14 @@ CHOICES = [
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A log with labels, and the results of the whole grid."""
+    """A log with labels, in units of two frames and one, and the results of the whole grid."""
     folder = tmp_path_factory.mktemp("shared")
-    log, drawn = drive(folder / "drive.mcap", 2), labels(folder / "labels.geojson")
+    stamped = [str(stamp) for stamp in stamps(17)[:9]]
+    log = drive(folder / "drive.mcap", 17, "mcap-no-index")
+    drawn = labels(folder / "labels.geojson", stamps=stamped)
     arguments = ("--labels", drawn, *GRID, *DOMAIN, "-o", folder / "whole", "--jobs", 1)
     assert gapeval("sweep", log, *arguments).status == 0
+    assert len(parts_of(folder / "whole")) == 9
     return folder
 
 

@@ -10,11 +10,13 @@ from typing import Any
 
 from gapeval.frame import Frame
 from gapeval.labels import Labels
-from gapeval.logs.read import Recording, RefusedScan, frame_digest, read_frames
+from gapeval.logs.read import Recording, RefusedScan, frame_digest, is_costly_to_open, read_frames
 from gapeval.sweep.evaluation import Answers, Question, evaluate
 
 UNITS = 64  # of a sweep; never by the number of workers, so that another number finds the same units
 LARGEST_UNIT = 16  # frames; small enough that little is lost, and that a part fits in memory
+# Of a log that each unit must read to its end: without an index, 3 s for each GB.
+COSTLY_UNITS, LARGEST_COSTLY_UNIT = 16, 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,14 +71,20 @@ class StoppedError(Exception):
 
 
 def split(task: Task) -> list[Span]:
-    """All frames, in order, in equal spans."""
+    """All frames, in order, in spans that do not depend on the number of workers."""
     total = sum(len(recording.scans) for recording in task.recordings)
-    size = max(1, min(LARGEST_UNIT, -(-total // UNITS)))
-    return [
-        Span(index, first, min(first + size, len(recording.scans)))
-        for index, recording in enumerate(task.recordings)
-        for first in range(0, len(recording.scans), size)
-    ]
+    usual = _size(total, UNITS, LARGEST_UNIT)
+    spans = []
+    for index, recording in enumerate(task.recordings):
+        frames = len(recording.scans)
+        costly = is_costly_to_open(recording.path)
+        size = max(usual, _size(frames, COSTLY_UNITS, LARGEST_COSTLY_UNIT)) if costly else usual
+        spans += [Span(index, first, min(first + size, frames)) for first in range(0, frames, size)]
+    return spans
+
+
+def _size(frames: int, units: int, largest: int) -> int:
+    return max(1, min(largest, -(-frames // units)))
 
 
 def run_unit(task: Task, unit: Unit, stopped: Callable[[], bool]) -> Iterator[EvaluatedFrame]:

@@ -1,6 +1,7 @@
 """Recorded logs -> frames."""
 
 from gapeval.logs.read.description import Description, describe, render
+from gapeval.logs.read.opening import is_costly_to_open
 from gapeval.logs.read.playback import frame_digest, read_frames
 from gapeval.logs.read.preparation import read_recording
 from gapeval.logs.read.recording import Recording, RefusedScan, Scans
@@ -12,6 +13,7 @@ __all__ = [
     "Scans",
     "describe",
     "frame_digest",
+    "is_costly_to_open",
     "read_frames",
     "read_recording",
     "render",

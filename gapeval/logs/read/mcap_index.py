@@ -61,6 +61,17 @@ def read_index(stream: BinaryIO) -> Index:
     return _summarised(summary) if summary is not None and _is_complete(summary) else _walked(stream)
 
 
+def is_indexed(stream: BinaryIO) -> bool:
+    """Whether the summary alone says where everything is."""
+    size = stream.seek(0, os.SEEK_END)
+    _check_end(stream, size)
+    if not _summary_is_intact(stream, size):
+        return False
+    stream.seek(0)
+    summary = SeekingReader(stream).get_summary()
+    return summary is not None and _is_complete(summary)
+
+
 def record_content(stream: BinaryIO, offset: int) -> tuple[int, bytes]:
     """Opcode and content of the record at a byte. Raises EOFError where it is cut, before any allocation."""
     size = stream.seek(0, os.SEEK_END)

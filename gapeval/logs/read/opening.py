@@ -38,6 +38,20 @@ def open_file(path: Path) -> AbstractContextManager[Container]:
     raise LogError(f"{path}: no log: it {what}; give {KNOWN}")
 
 
+def is_costly_to_open(path: Path) -> bool:
+    """Whether a file must be read to its end before anything is found: compressed, or without index."""
+    files = [file for file in path.iterdir() if file.is_file()] if path.is_dir() else [path]
+    return any(map(_is_costly, files))
+
+
+def _is_costly(path: Path) -> bool:
+    magic = _magic(path)
+    if not magic.startswith(mcap_index.MAGIC):
+        return magic.startswith(compression.MAGIC)
+    with library_errors(path, "MCAP", "record it again"), path.open("rb") as stream:
+        return not mcap_index.is_indexed(stream)
+
+
 @contextmanager
 def _open_compressed(path: Path) -> Iterator[Container]:
     with compression.decompressed_file(path) as copy:
