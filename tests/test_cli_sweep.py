@@ -248,7 +248,8 @@ def test_an_interrupted_sweep_leaves_nothing_that_looks_whole(
     time.sleep(later)
     os.killpg(process.pid, sent)
     _, errors = process.communicate(timeout=60)
-    assert process.returncode == status, errors
+    # Now and then Python, having handled the interrupt, still ends by the signal: a shell says 130 to both.
+    assert process.returncode in (status, -sent), errors
     if sent == signal.SIGINT:
         last = errors.rstrip().splitlines()[-1]
         assert last == f"gapeval: interrupted; go on with: gapeval sweep --resume {tmp_path / 'out'}"
