@@ -25,6 +25,7 @@ class Transform:
     """A rigid transform target<-source: p_target = rotation(quaternion) p_source + translation.
 
     translation: (3,) [m]; quaternion: (4,) x, y, z, w, of unit length (normalised when made by `of`).
+    Equal by value: a sensor that does not move on its robot has the same mount in every frame.
     """
 
     translation: FloatArray
@@ -44,6 +45,15 @@ class Transform:
             raise ValueError("a transform needs finite numbers and a quaternion other than zero")
         # A unit quaternion stays as it is, so that what was written reads back equal.
         return cls(t, q if abs(norm - 1.0) < 1e-12 else q / norm)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Transform) and self._numbers() == other._numbers()
+
+    def __hash__(self) -> int:
+        return hash(self._numbers())
+
+    def _numbers(self) -> bytes:
+        return self.translation.tobytes() + self.quaternion.tobytes()
 
     @classmethod
     def identity(cls) -> Self:

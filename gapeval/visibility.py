@@ -3,6 +3,8 @@
 Detection asks it of cells, scoring of polygons; both mean the same thing.
 """
 
+from functools import lru_cache
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from gapeval.config import BlindBelow, BodyBox, FieldOfView, Sensor
 from gapeval.frame import FloatArray, Frame, Plane, Transform, sensor_angles, upright
 
 AZIMUTH_STEP = np.deg2rad(0.5)  # of shadows, and of the outline of what a sensor sees
+BINS = 720  # around
 ARC_STEPS = 360  # vertices of the half circle that bounds the domain
 
 
@@ -50,6 +53,7 @@ def looked_at(
     return seen
 
 
+@lru_cache(maxsize=16)
 def domain(
     x_min: float,
     r_max: float,
@@ -61,7 +65,9 @@ def domain(
 ) -> BaseGeometry:
     """The box as a polygon in the robot frame [m], without what the sensor cannot see."""
     theta = np.linspace(-np.pi / 2, np.pi / 2, ARC_STEPS + 1)
-    arc = np.column_stack([origin[0] + r_max * np.cos(theta), origin[1] + r_max * np.sin(theta)])
+    # Drawn around the circle, so that it holds the cells of the last row.
+    r = r_max / np.cos(np.pi / ARC_STEPS / 2)
+    arc = np.column_stack([origin[0] + r * np.cos(theta), origin[1] + r * np.sin(theta)])
     box: BaseGeometry = shapely.intersection(shapely.Polygon(arc), shapely.box(x_min, -1e6, 1e6, 1e6))
     around = (-np.pi, np.pi)
     low = max(lowest, fov.elevation[0]) if fov else lowest
@@ -84,20 +90,56 @@ def shadow(
     sensor_height = float(plane.distance(origin[None, :])[0])
     p = points.astype(np.float64)
     height = plane.distance(p)
-    p, height = p[(height > lowest) & (height <= highest)], height[(height > lowest) & (height <= highest)]
+    stands = (height > lowest) & (height <= highest)
+    p, height = np.compress(stands, p, axis=0), height[stands]
     east, north = p[:, 0] - origin[0], p[:, 1] - origin[1]
     start = np.hypot(east, north)
     with np.errstate(divide="ignore"):
         end = np.where(height < sensor_height, start * sensor_height / (sensor_height - height), np.inf)
-    # Chords stay outside the reach, so that the domain's arc is covered too.
-    end = np.minimum(end, reach / np.cos(AZIMUTH_STEP / 2))
+    # Chords stay outside the domain's arc, so that it is covered too.
+    end = np.minimum(end, reach / np.cos(AZIMUTH_STEP))
     near = (start < reach) & (start > 0)
     bins = np.floor(np.arctan2(north, east) / AZIMUTH_STEP).astype(np.int64)
-    bins, start, end = _merged_intervals(bins[near], start[near], end[near])
-    left, right = bins * AZIMUTH_STEP, (bins + 1) * AZIMUTH_STEP
-    ring = [(start, left), (end, left), (end, right), (start, right)]
-    outline = np.stack([np.column_stack([r * np.cos(a), r * np.sin(a)]) for r, a in ring], axis=1)
-    return areas_only(shapely.union_all(shapely.polygons(outline + origin[:2])))
+    bins, start, end = bins[near], start[near], end[near]
+    kept = _before_the_last(bins, start, end)
+    strips = _strips(*_merged_intervals(bins[kept], start[kept], end[kept]))
+    return areas_only(shapely.union_all([shapely.Polygon(strip + origin[:2]) for strip in strips]))
+
+
+def _before_the_last(bins: NDArray[np.int64], start: FloatArray, end: FloatArray) -> NDArray[np.bool_]:
+    """Intervals that are not in the first one of their bin that has the farthest end: most, behind a wall."""
+    lasting = end == end.max(initial=0.0)
+    first = np.full(BINS, np.inf)
+    np.minimum.at(first, bins[lasting] % BINS, start[lasting])
+    kept: NDArray[np.bool_] = start <= first[bins % BINS]
+    return kept
+
+
+def _strips(bins: NDArray[np.int64], start: FloatArray, end: FloatArray) -> list[FloatArray]:
+    """Rings (M, 2) that cover the intervals: those of neighbouring bins that overlap share one.
+
+    A union of a few strips is much cheaper than that of every bin.
+    """
+    strips: list[list[int]] = []
+    open_: list[list[int]] = []  # strips that end in the bin before
+    for index, (bin_, low, high) in enumerate(zip(bins.tolist(), start.tolist(), end.tolist(), strict=True)):
+        open_ = [strip for strip in open_ if bins[strip[-1]] >= bin_ - 1]
+        for strip in open_:
+            last = strip[-1]
+            if bins[last] == bin_ - 1 and start[last] < high and low < end[last]:
+                strip.append(index)
+                break
+        else:
+            strips.append([index])
+            open_.append(strips[-1])
+    rings = []
+    for strip in strips:
+        sides = np.repeat(bins[strip] * AZIMUTH_STEP, 2)
+        sides[1::2] = (bins[strip] + 1) * AZIMUTH_STEP
+        angle = np.concatenate([sides, sides[::-1]])
+        radius = np.concatenate([np.repeat(start[strip], 2), np.repeat(end[strip], 2)[::-1]])
+        rings.append(np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]))
+    return rings
 
 
 def areas_only(geometry: BaseGeometry) -> BaseGeometry:

@@ -1,7 +1,6 @@
 """Small worlds for the scoring tests: labels, a view and outlines, without any log or detector."""
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -19,17 +18,11 @@ STAMP = 5
 NOTHING = shapely.MultiPolygon()
 
 
-@dataclass(frozen=True, eq=False)
-class Outlines:
-    """Detected gaps: nothing but their outlines."""
-
-    polygons: np.ndarray
-
-
 def outlines(polygons):
+    """Detected gaps: nothing but their outlines."""
     array = np.empty(len(polygons), dtype=object)
     array[:] = list(polygons)
-    return Outlines(array)
+    return array
 
 
 def box(x0, y0, x1, y1):

@@ -31,7 +31,7 @@ from gapeval.config import (
     set_parameter,
 )
 from gapeval.errors import ConfigError
-from gapeval.sweep.grid import common_margin, configurations, the_one
+from gapeval.sweep.grid import configurations, the_one
 
 RANDOM = settings(deadline=None, derandomize=True, max_examples=80)
 
@@ -497,10 +497,6 @@ def test_detect_runs_one_configuration(load):
 def test_a_box_that_is_empty_only_without_its_grid_is_no_error(load):
     config = load("grid: {r_max: [3, 10]}\ndetector: {x_min: 2}")
     assert [c.detector.r_max for c in configurations(config)] == [3.0, 10.0]
-
-
-def test_the_margin_serves_the_most_erosions(load):
-    assert common_margin(configurations(load("grid: {n_o: [0, 3, 1]}"))) == 6
 
 
 def test_the_documented_file_is_valid(load):

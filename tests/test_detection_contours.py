@@ -24,7 +24,7 @@ def grid_of(rows, width, delta_r=1.2, r_max=3.0, origin=(0.25, -0.1)):
 def gaps_in(picture, **options):
     """The gaps of an image drawn with # for gap, nearest row first."""
     mask = np.array([[character == "#" for character in row] for row in picture.split()])
-    return find_contours(grid_of(*mask.shape, **options), Mask(mask)), mask
+    return find_contours([(grid_of(*mask.shape, **options), Mask(mask))])[0], mask
 
 
 def quadrilaterals(grid, mask):
@@ -82,14 +82,14 @@ def masks():
 @given(masks(), st.sampled_from([1.005, 1.2, 2.0]), st.sampled_from([(0.0, 0.0), (0.25, -0.1)]))
 def test_any_image(mask, delta_r, origin):
     grid = grid_of(*mask.shape, delta_r=delta_r, origin=origin)
-    is_sound(find_contours(grid, Mask(mask)), mask)
+    is_sound(find_contours([(grid, Mask(mask))])[0], mask)
 
 
 @settings(QUICK, max_examples=20)
 @given(st.integers(0, 1000), st.sampled_from([0.4, 0.8]))
 def test_any_large_image(seed, density):
     mask = np.random.default_rng(seed).random((32, 33)) < density
-    is_sound(find_contours(grid_of(32, 33), Mask(mask)), mask)
+    is_sound(find_contours([(grid_of(32, 33), Mask(mask))])[0], mask)
 
 
 PICTURES = {
@@ -158,7 +158,7 @@ def test_gaps_are_a_sequence():
 @settings(QUICK, max_examples=60)
 @given(masks())
 def test_point_cloud_of_the_interior_is_all_midpoints(mask):
-    gaps = find_contours(grid_of(*mask.shape), Mask(mask))
+    gaps = find_contours([(grid_of(*mask.shape), Mask(mask))])[0]
     for gap, region in zip(gaps, naive.regions(mask.tolist()), strict=True):
         assert sorted(map(tuple, gap.point_cloud(interior=True))) == sorted(middles(gap.grid, region))
 
@@ -167,7 +167,7 @@ def test_point_cloud_of_the_interior_is_all_midpoints(mask):
 @given(masks())
 def test_point_cloud_of_the_contour_is_the_cells_with_a_neighbour_outside(mask):
     """Suzuki's border: gap cells with a 4-neighbour that is none; the image's edge is none either."""
-    gaps = find_contours(grid_of(*mask.shape), Mask(mask))
+    gaps = find_contours([(grid_of(*mask.shape), Mask(mask))])[0]
     for gap, region in zip(gaps, naive.regions(mask.tolist()), strict=True):
         border = {(r, c) for r, c in region if not {(r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)} <= region}
         assert sorted(map(tuple, gap.point_cloud(interior=False))) == sorted(middles(gap.grid, border))
@@ -229,6 +229,8 @@ def test_cell_polygons_are_the_quadrilaterals():
     grid = grid_of(4, 5)
     mask = np.zeros((4, 5), dtype=np.bool_)
     mask[[0, 2, 3], [4, 1, 1]] = True
-    for found, expected in zip(cell_polygons(grid, mask), quadrilaterals(grid, mask), strict=True):
+    for found, expected in zip(
+        cell_polygons(grid, *np.nonzero(mask)), quadrilaterals(grid, mask), strict=True
+    ):
         assert found.symmetric_difference(expected).area < 1e-12
         assert found.is_valid

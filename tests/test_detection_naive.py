@@ -11,10 +11,11 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from gapeval.config import BlindBelow, BodyBox, Configuration, Detector, FieldOfView, Robot, Sensor
-from gapeval.detection import alone, detect
+from gapeval.detection import detect, detect_each
 from gapeval.detection.grid import polar_grid, row_edges
 from gapeval.detection.plane import PlaneFit, supporting_plane
 from gapeval.frame import Frame, Plane, Transform
+from gapeval.share import Share
 
 QUICK = settings(
     max_examples=300,
@@ -27,10 +28,11 @@ QUICK = settings(
 def on(plane):
     """A way to do the steps of `detect` in which the supporting plane is this one."""
 
-    def share(step, *args, **kwargs):
-        return PlaneFit(plane) if step is supporting_plane else alone(step, *args, **kwargs)
+    class OnPlane(Share):
+        def __call__(self, step, *args):
+            return PlaneFit(plane) if step is supporting_plane else super().__call__(step, *args)
 
-    return share
+    return OnPlane()
 
 
 def between(low, high):
@@ -177,7 +179,11 @@ seeds = st.integers(0, 2**32 - 1)
 def test_detector_is_the_naive_one(scene, seed, share_of_cells, obstacle_share):
     assume(not naive.has_doubtful_cells(scene))
     points = cloud(scene, seed, share_of_cells, obstacle_share)
-    compare(scene, detect(frame_of(scene, points), configuration_of(scene), on(Plane(*scene.plane))), points)
+    compare(
+        scene,
+        detect_each(frame_of(scene, points), [configuration_of(scene)], on(Plane(*scene.plane)))[0],
+        points,
+    )
 
 
 @settings(QUICK, max_examples=100)
@@ -198,7 +204,11 @@ def test_detector_at_full_size_is_the_naive_one(scene, seed, share_of_cells, edg
     scene = replace(scene, params=params)
     assume(not naive.has_doubtful_cells(scene))
     points = cloud(scene, seed, share_of_cells, 0.002)
-    compare(scene, detect(frame_of(scene, points), configuration_of(scene), on(Plane(*scene.plane))), points)
+    compare(
+        scene,
+        detect_each(frame_of(scene, points), [configuration_of(scene)], on(Plane(*scene.plane)))[0],
+        points,
+    )
 
 
 @settings(QUICK, max_examples=30)
@@ -216,7 +226,11 @@ def test_detector_is_the_naive_one_where_the_power_overflows(scene, seed, share_
     scene = replace(scene, params=params, fov=None)
     assume(not naive.has_doubtful_cells(scene))
     points = cloud(scene, seed, share_of_cells, 0.01)
-    compare(scene, detect(frame_of(scene, points), configuration_of(scene), on(Plane(*scene.plane))), points)
+    compare(
+        scene,
+        detect_each(frame_of(scene, points), [configuration_of(scene)], on(Plane(*scene.plane)))[0],
+        points,
+    )
 
 
 @QUICK

@@ -12,12 +12,12 @@ from shapely import affinity
 
 from gapeval import assess, detect
 from gapeval.config import BodyBox, Configuration, CrossingRules, Detector, FieldOfView, Robot, Sensor
+from gapeval.detection import detect_each
 from gapeval.detection.contours import Gaps
 from gapeval.detection.surface import Mask
 from gapeval.frame import Frame, Transform
-from gapeval.sweep.grid import common_margin
-from gapeval.sweep.memory import Memory
-from gapeval.traversability import contour_axes, convex_hulls, interior_axes, poses
+from gapeval.share import Share
+from gapeval.traversability import assess_each, contour_axes, convex_hulls, interior_axes, poses
 
 QUICK = settings(max_examples=40, deadline=None, derandomize=True)
 MOUNT = naive.Mount((0.2, 0.0, 0.6), (0.0, math.sin(0.05), 0.0, math.cos(0.05)))  # on the x axis, pitched
@@ -75,12 +75,24 @@ def configurations(draw):
     )
 
 
-def result(frame, configuration, *how):
+def result(frame, configuration):
     """All of a detection and its crossings, to the last bit."""
-    detection = detect(frame, configuration, *how)
+    (alone,) = results(frame, [configuration])
+    return alone
+
+
+def results(frame, configurations):
+    """The same for many configurations, evaluated together."""
+    share = Share()
+    detections = detect_each(frame, configurations, share)
+    asked = [(found, c.robot, c.crossing) for found, c in zip(detections, configurations, strict=True)]
+    crossings = assess_each(asked, share)
+    return [to_the_last_bit(found, crossings.of(index)) for index, found in enumerate(detections)]
+
+
+def to_the_last_bit(detection, crossings):
     surface = detection.surface
     marks = [surface.ground, surface.obstacle, surface.shaded, surface.seen.cells, surface.gap.cells]
-    crossings = assess(detection, configuration.robot, configuration.crossing, *how[:1])
     return (
         detection.stamp,
         detection.plane,
@@ -116,24 +128,12 @@ def test_points_twice_are_points_once(seed, configuration):
     assert result(frame_of(np.vstack([points, points])), configuration) == expected
 
 
-@QUICK
-@given(seeds, configurations(), st.integers(0, 9))
-def test_a_larger_shared_margin_changes_nothing(seed, configuration, margin):
-    frame = frame_of(ground_with_holes(np.random.default_rng(seed)))
-    alone = result(frame, configuration)
-    assert result(frame, configuration, lambda step, *args: step(*args), margin) == alone
-
-
-@settings(QUICK, max_examples=15)
+@settings(QUICK, max_examples=40)
 @given(seeds, st.lists(configurations(), min_size=2, max_size=12))
 def test_sharing_steps_changes_nothing(seed, found):
-    """A sweep calls the same functions, and remembers what they gave."""
-    rng = np.random.default_rng(seed)
-    frame = frame_of(ground_with_holes(rng))
-    memory, margin = Memory(), common_margin(found)
-    expected = [result(frame, configuration) for configuration in found]
-    assert [result(frame, configuration, memory, margin) for configuration in found] == expected
-    assert [result(frame, configuration, memory, margin) for configuration in found] == expected
+    """A sweep evaluates many configurations together; each gets what it gets alone."""
+    frame = frame_of(ground_with_holes(np.random.default_rng(seed)))
+    assert results(frame, found) == [result(frame, configuration) for configuration in found]
 
 
 def neighbours():
@@ -166,14 +166,13 @@ def test_sharing_confuses_no_parameter(one, other):
     """Two configurations that differ in one parameter share no step that depends on it."""
     frame = frame_of(ground_with_holes(np.random.default_rng(3)))
     found = [Configuration(detector=Detector(**values)) for values in (one, other, one)]
-    memory, margin = Memory(), common_margin(found)
     expected = [result(frame, configuration) for configuration in found]
-    assert [result(frame, configuration, memory, margin) for configuration in found] == expected
+    assert results(frame, found) == expected
     assert expected[0] != expected[1]  # so that confusing them would show
 
 
-def test_memory_keeps_steps_and_arguments_apart():
-    memory, done = Memory(), []
+def test_share_keeps_steps_and_arguments_apart():
+    share, done = Share(), []
 
     def one(x, y=0):
         done.append((x, y))
@@ -182,10 +181,10 @@ def test_memory_keeps_steps_and_arguments_apart():
     def other(x, y=0):
         return -one(x, y)
 
-    assert [memory(one, 1), memory(other, 1), memory(one, 1), memory(other, 1)] == [1, -1, 1, -1]
-    assert [memory(one, 1, y=2), memory(one, 2, 1), memory(one, 2, y=1), memory(one, 1, y=2)] == [3, 3, 3, 3]
+    assert [share(one, 1), share(other, 1), share(one, 1), share(other, 1)] == [1, -1, 1, -1]
+    assert [share(one, 1, y=2), share(one, 2, 1), share(one, 2, y=1), share(one, 1, y=2)] == [3, 3, 3, 3]
     assert done == [(1, 0), (1, 0), (1, 2), (2, 1), (2, 1)]
-    assert {name: len(times) for name, times in memory.spent.items()} == {"one": 4, "other": 1}
+    assert {name: len(times) for name, times in share.spent.items()} == {"one": 4, "other": 1}
 
 
 def test_masks_are_equal_by_their_cells():
@@ -276,7 +275,7 @@ def test_gaps_that_turn_turn_their_axes(seed, angle, x, y):
 
 def moved(gaps, how):
     polygons = np.array([how(polygon) for polygon in gaps.polygons], dtype=object)
-    return Gaps(gaps.grid, polygons, gaps.labels)
+    return Gaps(gaps.grid, polygons, gaps.image, gaps.seeds)
 
 
 def are_axial(ones, others):

@@ -4,6 +4,8 @@ HISTORY: why the figures are what they are. Whoever changes them says here when,
 moved them; a figure that moves without a decision is a bug.
 
 * 2026-11-22: first set, with the detector of Section 3.1 (centred on the sensor, `edge: data`) and scorer 1.
+* 2026-11-22: over_area grew by 1e-6: the domain's arc is drawn around the circle, so that it holds the cells
+  of the last row whole (scorer 2).
 """
 
 import csv
@@ -54,12 +56,12 @@ GOLDEN = {
             "iou_sum": 7.0000554773963755,
             "label_area": 42.36158577838793,
             "covered_area": 33.330304901951884,
-            "over_area_sum": 39.852440189339646,
+            "over_area_sum": 39.85247917205504,
         },
         {
             "hit_rate": 1.0,
             "coverage": 0.7868049387083229,
-            "over_area": 13.284146729779883,
+            "over_area": 13.284159724018346,
             "fp_per_frame": 1.0,
             "splits": 1.0,
             "merges": 1.0,
@@ -99,12 +101,12 @@ GOLDEN = {
             "iou_sum": 6.911815841023819,
             "label_area": 42.36158577838793,
             "covered_area": 33.32957468536095,
-            "over_area_sum": 94.34689389411082,
+            "over_area_sum": 94.34697724078309,
         },
         {
             "hit_rate": 1.0,
             "coverage": 0.7867877010016244,
-            "over_area": 31.448964631370274,
+            "over_area": 31.448992413594365,
             "fp_per_frame": 51.0,
             "splits": 1.0,
             "merges": 1.0,
@@ -144,12 +146,12 @@ GOLDEN = {
             "iou_sum": 0.0,
             "label_area": 42.36158577838793,
             "covered_area": 0.0,
-            "over_area_sum": 64.88732517700724,
+            "over_area_sum": 64.88733525239196,
         },
         {
             "hit_rate": 0.0,
             "coverage": 0.0,
-            "over_area": 21.62910839233575,
+            "over_area": 21.62911175079732,
             "fp_per_frame": 2.0,
             "precision": 0.0,
             "recall": 0.0,
@@ -223,7 +225,7 @@ def test_golden_scores(store, key):
     found = figures(sums)
     assert {name: found[name] for name in metrics} == pytest.approx(metrics, rel=1e-9)
     assert set(metrics) == {metric.name for metric in METRICS if found[metric.name] is not None}
-    assert SCORER == 1  # other figures: another scorer, and a line in HISTORY
+    assert SCORER == 2  # other figures: another scorer, and a line in HISTORY
 
 
 def test_the_bag_of_the_same_drive_gives_equal_rows(real_data, store, results):

@@ -461,7 +461,7 @@ PIT = box(2, 0, 4, 1)
 
 def detected_frame(stamp=5, polygons=(PIT,), domain=DOMAIN):
     plane = robot_plane(0.0)
-    gaps = outlines(polygons).polygons
+    gaps = outlines(polygons)
     crossings = [{"npca": crossing(index), "pca": crossing(index, "pca")} for index in range(len(gaps))]
     return DetectedFrame(stamp, None, plane, plane, domain, NOTHING, (0.0, 0.0), gaps, crossings)
 
@@ -617,7 +617,7 @@ def test_scoring_a_scene_by_hand_equals_scoring_the_file():
     frame, rules = detected_frame(polygons=[PIT, box(6, 0, 7, 1)]), Scoring()
     labels = label_file(pit_label(traversable=True))
     seen = scene(5, None, View(frame.plane, DOMAIN, NOTHING, (0.0, 0.0)), labels, "base_link", rules)
-    by_hand = score(seen, frame, frame.crossings, rules).sums | {"plane_fallbacks": 0}
+    by_hand = score(seen, frame.polygons, frame.crossings, rules).sums | {"plane_fallbacks": 0}
     assert alone(rescored(frame, labels, "base_link", rules)) == by_hand
 
 

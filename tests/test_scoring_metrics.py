@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import box, crossing, label, scored
 
-from gapeval.scoring.match import axial_angle
+from gapeval.config import Scoring
+from gapeval.scoring.crossings import axial_angle
 from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, add, figures
 
 DOMAIN = box(0, -10, 20, 10)
@@ -161,8 +162,8 @@ def of_gap(gap, **npca):
     }
 
 
-def judged(labels, gaps, crossings):
-    return scored(DOMAIN, labels, gaps, crossings=crossings).sums
+def judged(labels, gaps, crossings, **options):
+    return scored(DOMAIN, labels, gaps, crossings=crossings, **options).sums
 
 
 def test_crossings_are_judged_where_the_label_says_something():
@@ -200,6 +201,27 @@ def test_the_gap_of_largest_iou_among_those_that_belong_is_judged():
     gaps = [box(2, 0, 3, 1), box(2.5, 0, 4, 1)]
     found = judged([trench], gaps, [of_gap(0, length=9.0), of_gap(1, length=1.5)])
     assert (found["npca_lengths"], found["npca_length_error_sum"]) == (1, 0.5)
+
+
+def test_a_gap_of_larger_iou_that_does_not_belong_is_not_judged():
+    """The first covers 0.9 m2 of 2 and lies out by as much again; the second is small, but wholly inside."""
+    trench = label("t", PIT, length=1.0)
+    gaps = [box(1, 0, 2.9, 1), box(3.5, 0, 4, 1)]
+    found = judged(
+        [trench],
+        gaps,
+        [of_gap(0, length=9.0), of_gap(1, length=1.5)],
+        rules=Scoring(belongs=0.5, hit_coverage=0.2),
+    )
+    assert (found["npca_lengths"], found["npca_length_error_sum"]) == (1, 0.5)
+
+
+def test_a_label_that_is_hit_by_gaps_of_which_none_belongs_is_not_judged():
+    trench = label("t", PIT, traversable=True, length=1.0)
+    gaps = [box(1, 0, 2.9, 1), box(3.1, 0, 5, 1)]
+    found = judged([trench], gaps, [of_gap(0), of_gap(1)], rules=Scoring(belongs=0.5))
+    assert (found["hits"], found["pairs"]) == (1, 0)
+    assert (found["npca_judged"], found["npca_lengths"]) == (0, 0)
 
 
 def test_only_a_label_that_was_hit_is_judged():

@@ -23,6 +23,8 @@ FLOORS = [
     "logs",
     "frame",
     "config",
+    "ragged",
+    "share",
     "files",
     "errors",
 ]

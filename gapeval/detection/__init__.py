@@ -1,36 +1,34 @@
 """Section 3.1 of the paper: gap detection in a polar binary image."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ParamSpec, Protocol, TypeVar
+from functools import lru_cache
 
 import numpy as np
 
-from gapeval.config import Configuration, FieldOfView
+from gapeval.config import Configuration, Detector, FieldOfView, Patch, Robot, Sensor
 from gapeval.detection.contours import Gap, Gaps, find_contours
-from gapeval.detection.grid import PolarGrid, midpoints, polar_grid, row_edges
-from gapeval.detection.plane import supporting_plane
-from gapeval.detection.surface import Mask, Surface, binary_image, cell_table, morphology, surface
-from gapeval.frame import Frame, Plane
+from gapeval.detection.grid import CACHED_GRIDS, PolarGrid, midpoints, polar_grid, row_edges
+from gapeval.detection.plane import PlaneFit, supporting_plane
+from gapeval.detection.surface import (
+    CellTable,
+    Mask,
+    Reach,
+    Surface,
+    binary_image,
+    cell_table,
+    morphology,
+    polar_points,
+    reach_of,
+    surface,
+)
+from gapeval.frame import Frame, Plane, Transform
+from gapeval.share import Share
 from gapeval.visibility import in_box, looked_at, lowest_ray
 
-__all__ = ["Detection", "Gap", "Gaps", "PolarGrid", "Share", "Surface", "alone", "detect"]
+__all__ = ["Detection", "Gap", "Gaps", "PolarGrid", "Surface", "detect", "detect_each"]
 
 SMALLEST_ROW = 1e-6  # m; extreme heights and delta_r have rows at the pole that geometry cannot measure
-
-P = ParamSpec("P")
-T = TypeVar("T")
-
-
-class Share(Protocol):
-    """How to do a step of the algorithm."""
-
-    def __call__(self, step: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T: ...
-
-
-def alone(step: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-    """Do the step. A sweep passes something that remembers: equal step and arguments, same result."""
-    return step(*args, **kwargs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,31 +42,85 @@ class Detection:
     gaps: Gaps
 
 
-def detect(
-    frame: Frame, configuration: Configuration | None = None, share: Share = alone, margin: int = 0
-) -> Detection:
-    """Algorithm 1: from the points of one frame to its gaps.
+@dataclass(frozen=True, slots=True)
+class Box:
+    """What decides which points and cells are looked at, and the plane they are measured from."""
 
-    share: how to do a step; see `alone`. margin: bin this many cells beyond the box, where others that
-    share the table need more than the 2 n_o of this configuration.
-    """
-    configuration = configuration or Configuration()
-    params, robot, sensor = configuration.detector, configuration.robot, configuration.sensor
-    reach = 2 * params.n_o  # an opened cell depends on cells this far away
+    plane: str
+    patch: Patch
+    x_min: float
+    z_min: float
+    z_max: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Binned:
+    """The points of a frame in the cells of a grid, before any threshold."""
+
+    fit: PlaneFit
+    table: CellTable
+    seen: Mask
+
+
+def detect(frame: Frame, configuration: Configuration | None = None) -> Detection:
+    """Algorithm 1: from the points of one frame to its gaps."""
+    (detection,) = detect_each(frame, [configuration or Configuration()], Share())
+    return detection
+
+
+def detect_each(frame: Frame, configurations: Sequence[Configuration], share: Share) -> list[Detection]:
+    """Algorithm 1 under each configuration; what is equal is done once."""
+    # An opened cell depends on cells 2 n_o away. More of them change nothing, so all share the widest table.
+    margin = max(2 * configuration.detector.n_o for configuration in configurations)
+    grids = [share(polar_grid, *shape(frame, configuration.detector)) for configuration in configurations]
+    reach = reach_of(dict.fromkeys(grids), margin)
+    binned: dict[tuple[PolarGrid, Box, Robot, Sensor], Binned] = {}
+    marked = []
+    for configuration, grid in zip(configurations, grids, strict=True):
+        of = grid, box_of(configuration.detector), configuration.robot, configuration.sensor
+        if of not in binned:
+            binned[of] = bin_points(frame, *of, margin, reach, share)
+        marked.append((binned[of].fit, mark(binned[of], configuration.detector, share)))
+    gaps = share.together(find_contours, [(known.grid, known.gap) for _, known in marked])
+    return [
+        Detection(frame.stamp, fit.plane, fit.fallback, known, found)
+        for (fit, known), found in zip(marked, gaps, strict=True)
+    ]
+
+
+def bin_points(
+    frame: Frame,
+    grid: PolarGrid,
+    box: Box,
+    robot: Robot,
+    sensor: Sensor,
+    margin: int,
+    reach: Reach,
+    share: Share,
+) -> Binned:
+    """Section 3.1.1 before any threshold: from points to cells."""
     lowest = lowest_ray(sensor, frame)
-    grid = share(
-        polar_grid, params.height, params.width, params.delta_r, params.r_max, pole(frame, params.origin)
-    )
-    fit = share(supporting_plane, frame, params.plane, params.patch, params.x_min, robot.ground_z, robot.body)
-    table = share(
-        cell_table, frame, grid, fit.plane, params.z_min, params.z_max, robot.body, max(margin, reach)
-    )
-    seen = share(cells_seen, frame, grid, fit.plane, params.x_min, lowest, sensor.fov)
-    image = share(binary_image, table, params.pl_th, reach)
-    gap = share(morphology, image, seen, params.n_o, params.edge, params.kernel)
-    gaps = share(find_contours, grid, gap)
-    known = share(surface, grid, image, seen, gap)
-    return Detection(frame.stamp, fit.plane, fit.fallback, known, gaps)
+    fit = share(supporting_plane, frame, box.plane, box.patch, box.x_min, robot.ground_z, robot.body)
+    points = share(polar_points, frame, grid.origin, fit.plane, box.z_min, box.z_max, robot.body, reach)
+    table = share(cell_table, points, grid, margin)
+    seen = share(cells_seen, grid, fit.plane, frame.sensor, box.x_min, lowest, sensor.fov)
+    return Binned(fit, table, seen)
+
+
+def mark(binned: Binned, params: Detector, share: Share) -> Surface:
+    """Sections 3.1.1 and 3.1.2: from cells to the filtered image."""
+    image = share(binary_image, binned.table, params.pl_th)
+    gap = share(morphology, image, binned.seen, params.n_o, params.edge, params.kernel)
+    return share(surface, binned.table.grid, image, binned.seen, gap)
+
+
+def box_of(params: Detector) -> Box:
+    return Box(params.plane, params.patch, params.x_min, params.z_min, params.z_max)
+
+
+def shape(frame: Frame, params: Detector) -> tuple[int, int, float, float, tuple[float, float]]:
+    """What decides the polar grid of Eqs. (2)-(5)."""
+    return params.height, params.width, params.delta_r, params.r_max, pole(frame, params.origin)
 
 
 def pole(frame: Frame, origin: str) -> tuple[float, float]:
@@ -82,11 +134,12 @@ def pole(frame: Frame, origin: str) -> tuple[float, float]:
     return (x, y)
 
 
+@lru_cache(maxsize=CACHED_GRIDS)
 def cells_seen(
-    frame: Frame, grid: PolarGrid, plane: Plane, x_min: float, lowest: float, fov: FieldOfView | None
+    grid: PolarGrid, plane: Plane, mount: Transform, x_min: float, lowest: float, fov: FieldOfView | None
 ) -> Mask:
     """Cells (height - 1, width) of the box whose midpoint the sensor looks at; the rest can be no gap."""
     places = midpoints(grid)
-    in_view = looked_at(places, plane, frame.sensor, lowest, fov)
+    in_view = looked_at(places, plane, mount, lowest, fov)
     measurable = np.diff(row_edges(grid, grid.rows))[:, None] >= SMALLEST_ROW
     return Mask(in_box(places, x_min, grid.origin, grid.r_max) & in_view & measurable)

@@ -8,8 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from gapeval.frame import FloatArray
-
-IndexArray = NDArray[np.intp]
+from gapeval.ragged import IndexArray
 
 CACHED_GRIDS = 64  # most sweeps have fewer resolutions than that
 
@@ -56,14 +55,33 @@ def cells(grid: PolarGrid, x: FloatArray, y: FloatArray) -> tuple[IndexArray, In
     Rows go on outside the box. Columns go on around the full circle: 0 ... width - 1 lie in front,
     width ... 2 width - 1 behind.
     """
-    r = np.sqrt(x * x + y * y)
-    theta = np.arctan2(y, x) + np.pi / 2
-    theta = np.where(theta < 0, theta + 2 * np.pi, theta)
-    column = np.floor(theta / grid.theta_int).astype(np.intp) % (2 * grid.width)
+    r, theta = polar(x, y)
+    return rows_of(grid, r, 2**31), columns_of(grid, theta)
+
+
+def polar(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eq. (2): radius [m] and azimuth from the right-hand side, 0 ... 2 pi [rad]."""
+    theta: FloatArray = np.arctan2(y, x)
+    theta += np.pi / 2
+    np.add(theta, 2 * np.pi, out=theta, where=theta < 0)
+    return np.sqrt(x * x + y * y), theta
+
+
+def rows_of(grid: PolarGrid, r: FloatArray, most: int) -> IndexArray:
+    """Eq. (3), at most `most`."""
     with np.errstate(divide="ignore"):  # r = 0 where r_d underflows to 0
-        growth = (np.log(r + np.exp(grid.log_r_d)) - grid.log_r_d) / np.log(grid.delta_r)
-    row = np.floor(np.clip(growth, 0, 2**31)).astype(np.intp)
-    return row, column
+        growth = np.log(r + np.exp(grid.log_r_d))
+    growth -= grid.log_r_d
+    growth /= np.log(grid.delta_r)
+    rows: IndexArray = np.clip(growth, 0, most, out=growth).astype(np.intp)
+    return rows
+
+
+def columns_of(grid: PolarGrid, theta: FloatArray) -> IndexArray:
+    """Eq. (4), around the full circle."""
+    columns: IndexArray = (theta / grid.theta_int).astype(np.intp)
+    columns[columns >= 2 * grid.width] = 0  # by rounding
+    return columns
 
 
 def row_edges(grid: PolarGrid, rows: int) -> FloatArray:
@@ -91,9 +109,8 @@ def midpoints(grid: PolarGrid) -> FloatArray:
     return _places(grid, (r[:-1] + r[1:]) / 2, (theta[:-1] + theta[1:]) / 2)
 
 
-def cell_polygons(grid: PolarGrid, mask: NDArray[np.bool_]) -> NDArray[np.object_]:
-    """One quadrilateral per cell that is set in mask (height - 1, width), in raster order."""
-    row, column = np.nonzero(mask)
+def cell_polygons(grid: PolarGrid, row: IndexArray, column: IndexArray) -> NDArray[np.object_]:
+    """One quadrilateral for each of these cells (N,)."""
     places = corners(grid)
     ring = [
         places[row, column],

@@ -2,23 +2,28 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from gapeval.config import Scoring
-from gapeval.detection import Share, alone
-from gapeval.detections import METHODS, Crossing, Method
+from gapeval.detections import METHODS, Method
 from gapeval.frame import FloatArray
-from gapeval.scoring.metrics import OF_CROSSINGS, WITHOUT_LABELS
-from gapeval.scoring.scene import SLIVER, Polygons, Scene, union_of_labels
-from gapeval.visibility import areas_only
-
-# Of each gap, what is known of crossing it; empty where nothing is.
-CrossingsOf = Sequence[Mapping[Method, Crossing]]
+from gapeval.ragged import IndexArray, distinct, sums
+from gapeval.scoring.crossings import CrossingsOf, Verdicts, count_gaps, judge_crossings, verdicts_of_one
+from gapeval.scoring.metrics import SUMS, WITHOUT_LABELS
+from gapeval.scoring.overlap import (
+    Outlined,
+    Outlines,
+    Overlaps,
+    area_within,
+    areas_within,
+    outside_labels,
+    overlap,
+    pieces,
+)
+from gapeval.scoring.scene import Polygons, Scene
+from gapeval.share import Share
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,148 +50,141 @@ class FrameScore:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Overlaps:
-    """Gaps (rows) against the labels that are asked for (columns).
+class Scores:
+    """What a frame adds under each configuration (C). sums: (C, len(SUMS)), in the order of SUMS."""
 
-    parts: the gaps' parts that count, in the domain and out of shadow. shared: area in common [m2].
-    iou: with the visible labels. belongs: which gap belongs to which label.
-    """
-
-    parts: Polygons
-    areas: FloatArray
-    shared: FloatArray
-    iou: FloatArray
-    belongs: NDArray[np.bool_]
+    sums: FloatArray
+    labels: tuple[tuple[LabelScore, ...], ...]
 
 
-class Outlined(Protocol):
-    """Anything with gap outlines (N,), robot frame xy [m]: a detector's gaps, or those of a file."""
-
-    @property
-    def polygons(self) -> Polygons: ...
-
-
-def score(
-    scene: Scene | None, gaps: Outlined, crossings: CrossingsOf, rules: Scoring, share: Share = alone
-) -> FrameScore:
+def score(scene: Scene | None, polygons: Polygons, crossings: CrossingsOf, rules: Scoring) -> FrameScore:
     """Score the gaps of one frame and their crossings against its labels; see docs/scoring.md.
 
     scene: None for a frame that was not labelled: then only what needs no label is counted.
     """
-    counted = count_gaps(len(gaps.polygons), crossings)
-    if scene is None:
-        return FrameScore(counted)
-    compared = share(compare, scene, gaps, rules)
-    judged = judge_crossings(compared, scene, crossings)
-    return FrameScore(counted | compared.sums | judged, compared.labels)
+    known = {method: verdicts_of_one(method, crossings) for method in METHODS}
+    found = score_each(scene, [Outlines(polygons, pieces(polygons))], known, rules, Share())
+    added = dict(zip(SUMS, found.sums[0].tolist(), strict=True))
+    names = WITHOUT_LABELS if scene is None else SUMS
+    return FrameScore({name: added[name] for name in names}, found.labels[0])
 
 
-def count_gaps(count: int, crossings: CrossingsOf) -> dict[str, float]:
-    """The sums that need no labels: gaps, which can be crossed, and how far npca and pca agree."""
-    sums: dict[str, float] = dict.fromkeys(WITHOUT_LABELS, 0)
-    sums |= {"frames": 1, "gaps": count}
-    for of_gap in crossings:
-        for method, crossing in of_gap.items():
-            sums[f"traversable_{method}"] += crossing.traversable
-        if len(of_gap) == len(METHODS):
-            sums["axis_angles"] += 1
-            sums["axis_angle_sum"] += axial_angle(of_gap["npca"].yaw, of_gap["pca"].yaw)
-    return sums
+def score_each(
+    scene: Scene | None,
+    outlines: Sequence[Outlined],
+    verdicts: Mapping[Method, Verdicts],
+    rules: Scoring,
+    share: Share,
+) -> Scores:
+    """The same for many sets of gaps in one frame; equal outlines are compared once."""
+    place: dict[Outlined, int] = {}
+    places = [place.setdefault(outlined, len(place)) for outlined in outlines]
+    columns = count_gaps([len(outlined.polygons) for outlined in outlines], verdicts)
+    labels: tuple[tuple[LabelScore, ...], ...] = ((),) * len(outlines)
+    if scene is not None:
+        compared = share.timed(compare, scene, list(place), rules)
+        columns |= {name: values[places] for name, values in compared.sums.items()}
+        columns |= judge_crossings(compared.best[places], scene, verdicts)
+        labels = tuple(compared.labels[index] for index in places)
+    nothing = np.zeros(len(outlines))
+    return Scores(np.column_stack([columns.get(name, nothing) for name in SUMS]), labels)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Comparison:
-    """Gaps against labels, without their crossings. best: the gap nearest to each label that was hit."""
+    """Sets of gaps (I) against labels (A), without their crossings.
 
-    sums: dict[str, float]
-    labels: tuple[LabelScore, ...]
-    best: dict[int, int]
+    sums: (I,) of each. best: (I, A), the gap that overlaps a label best that was hit, else -1.
+    """
+
+    sums: dict[str, FloatArray]
+    labels: list[tuple[LabelScore, ...]]
+    best: IndexArray
 
 
-def compare(scene: Scene, gaps: Outlined, rules: Scoring) -> Comparison:
-    """Hits, matches, false gaps and areas of one frame."""
-    overlaps = overlap(scene, gaps.polygons, rules.belongs)
-    matched = match(overlaps.iou, [label.label.id for label in scene.asked], rules.iou)
-    unmatched = np.ones(len(gaps.polygons), dtype=np.bool_)
-    unmatched[[gap for gap, _ in matched]] = False
-    false, ignored, not_counted = sort_unmatched(scene, gaps.polygons, overlaps, unmatched)
-    covered = covered_areas(scene, overlaps)
-    rows = label_scores(scene, overlaps, covered, rules)
-    hit = np.array([row.hit for row in rows if row.hit is not None], dtype=np.bool_)
-    counted = len(gaps.polygons) - int(ignored.sum()) - int(not_counted.sum())
-    best = np.where(overlaps.belongs, overlaps.iou, -1.0)
-    sums: dict[str, float] = {
-        "scored_frames": 1,
-        "empty_frames": int(len(scene.asked) == 0),
-        "asked": len(scene.asked),
-        "hits": int(hit.sum()),
-        "pairs": int(overlaps.belongs.sum()),
-        "pairs_on_hits": int(overlaps.belongs[:, hit].sum()),
-        "paired_gaps": int(overlaps.belongs.any(axis=1).sum()),
-        "tp": len(matched),
-        "fp": counted - len(matched),
-        "fn": len(scene.asked) - len(matched),
-        "false_gaps": int(false.sum()),
-        "ignored": int(ignored.sum()),
-        "not_counted": int(not_counted.sum()),
-        "iou_sum": sum((float(overlaps.iou[pair]) for pair in matched), 0.0),
-        "label_area": sum((float(label.visible.area) for label in scene.asked), 0.0),
-        "covered_area": sum(covered, 0.0),
-        "over_area_sum": over_area(scene, overlaps),
+def compare(scene: Scene, outlines: Sequence[Outlined], rules: Scoring) -> Comparison:
+    """Hits, matches, false gaps and areas of each set of gaps."""
+    polygons, which = distinct([outlined.polygons for outlined in outlines])
+    overlaps = overlap(scene, polygons, rules.belongs)
+    number, asked = len(outlines), scene.asked
+    # Every gap of every set: whose it is, and which of the distinct gaps.
+    owner = np.repeat(np.arange(number), [len(of) for of in which])
+    gap = np.concatenate([np.empty(0, dtype=np.intp), *which])
+    belongs = overlaps.belongs[gap]
+    paired = belongs.any(axis=1)
+    matched, label = match_each(overlaps.iou[gap], owner, [label.label.id for label in asked], rules.iou).T
+    false, ignored, not_counted = sort_unmatched(overlaps, gap, paired, matched)
+    covered, over = covered_areas(scene, outlines, overlaps, owner, gap)
+    areas = np.array([label.visible_area for label in asked])
+    hit = covered >= rules.hit_coverage * areas
+    best, iou = best_gaps(overlaps.iou[gap], belongs, owner, number)
+    pairs, tp = sums(belongs, owner, number), sums(np.ones(len(matched)), owner[matched], number)
+    counted = sums(~ignored & ~not_counted, owner, number)
+    everywhere = np.ones(number)
+    found = {
+        "scored_frames": everywhere,
+        "empty_frames": everywhere * (len(asked) == 0),
+        "asked": everywhere * len(asked),
+        "hits": hit.sum(axis=1).astype(np.float64),
+        "pairs": pairs.sum(axis=1),
+        "pairs_on_hits": (pairs * hit).sum(axis=1),
+        "paired_gaps": sums(paired, owner, number),
+        "tp": tp,
+        "fp": counted - tp,
+        "fn": len(asked) - tp,
+        "false_gaps": sums(false, owner, number),
+        "ignored": sums(ignored, owner, number),
+        "not_counted": sums(not_counted, owner, number),
+        "iou_sum": sums(overlaps.iou[gap[matched], label], owner[matched], number),
+        "label_area": everywhere * sum(areas.tolist(), 0.0),
+        "covered_area": np.array([sum(of, 0.0) for of in covered.tolist()]),
+        "over_area_sum": over,
     }
-    return Comparison(
-        sums,
-        tuple(rows),
-        {
-            int(label): int(best[:, label].argmax())
-            for label in np.flatnonzero(hit & overlaps.belongs.any(axis=0))
-        },
-    )
-
-
-def overlap(scene: Scene, polygons: Polygons, belongs: float) -> Overlaps:
-    """Belongs: area(d and g) >= 0.1 min(area d, area g)."""
-    shapely.prepare(scene.visible)
-    parts = polygons.copy()
-    cut = ~np.asarray(shapely.covers(scene.visible, polygons), dtype=np.bool_)
-    parts[cut] = [areas_only(part) for part in shapely.intersection(polygons[cut], scene.visible)]
-    areas = np.asarray(shapely.area(parts), dtype=np.float64)
-    visible = np.array([label.visible for label in scene.asked], dtype=object)
-    label_areas = np.asarray(shapely.area(visible), dtype=np.float64)
-    shared = np.zeros((len(parts), len(visible)))
-    if shared.size:
-        label, gap = shapely.STRtree(parts).query(visible, predicate="intersects")
-        shared[gap, label] = shapely.area(shapely.intersection(parts[gap], visible[label]))
-    shared[shared < SLIVER] = 0.0
-    iou = shared / np.maximum(areas[:, None] + label_areas - shared, SLIVER)
-    threshold = belongs * np.minimum(areas[:, None], label_areas)
-    return Overlaps(parts, areas, shared, iou, (shared > 0) & (shared >= threshold))
+    each = zip(covered.tolist(), iou.tolist(), hit.tolist(), pairs.tolist(), strict=True)
+    return Comparison(found, [label_scores(scene, *of) for of in each], np.where(hit, best, -1))
 
 
 def sort_unmatched(
-    scene: Scene, polygons: Polygons, overlaps: Overlaps, unmatched: NDArray[np.bool_]
+    overlaps: Overlaps, gap: IndexArray, paired: NDArray[np.bool_], matched: IndexArray
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Of the gaps (N,) that are not matched: which are false, which ignored, which do not count.
+    """Of the gaps (N,) that are not matched: which are false, which ignored, which do not count."""
+    unmatched = np.ones(len(gap), dtype=np.bool_)
+    unmatched[matched] = False
+    not_counted = unmatched & ~paired & overlaps.uncounted[gap]
+    ignored = unmatched & ~not_counted & overlaps.ignorable[gap]
+    return unmatched & ~paired & ~not_counted & ~ignored, ignored, not_counted
 
-    One that belongs to no label and lies outside the domain, or touches only labels that are not asked for,
-    counts neither way. One wholly in shadow is false unless it touches a label (Section 4.3).
-    """
-    unpaired = unmatched & ~overlaps.belongs.any(axis=1)
-    hidden = overlaps.areas < SLIVER
-    in_domain = ~hidden | (_shared(polygons, scene.view.domain, hidden) > SLIVER)
-    touches_asked, touches_other = np.zeros(len(polygons), bool), np.zeros(len(polygons), bool)
-    for label in scene.labels:
-        touched = _shared(polygons, label.whole, unpaired) > SLIVER
-        if label.asked:
-            touches_asked |= touched
-        else:
-            touches_other |= touched
-    excused = (touches_other & ~touches_asked) | (hidden & (touches_asked | touches_other))
-    not_counted = unpaired & (~in_domain | excused)
-    judged = np.where(hidden, polygons, overlaps.parts)
-    ignorable = unmatched & ~not_counted
-    ignored = ignorable & (_shared(judged, scene.ignore, ignorable) > 0.5 * shapely.area(judged))
-    return unpaired & ~not_counted & ~ignored, ignored, not_counted
+
+def best_gaps(
+    iou: FloatArray, belongs: NDArray[np.bool_], owner: IndexArray, number: int
+) -> tuple[IndexArray, FloatArray]:
+    """Of each set and label, the gap that belongs to it and overlaps it best, else -1, and the best IoU of
+    any gap, (I, A). Of equal ones, the first."""
+    first = np.searchsorted(owner, np.arange(number + 1))
+    best, largest = np.full((number, iou.shape[1]), -1), np.zeros((number, iou.shape[1]))
+    if iou.shape[1] == 0:
+        return best, largest
+    for index in np.flatnonzero(np.diff(first)):
+        own = slice(first[index], first[index + 1])
+        largest[index] = iou[own].max(axis=0)
+        nearest = np.where(belongs[own], iou[own], -1.0).argmax(axis=0)
+        best[index] = np.where(belongs[own].any(axis=0), nearest, -1)
+    return best, largest
+
+
+def match_each(iou: FloatArray, owner: IndexArray, label_ids: Sequence[str], threshold: float) -> IndexArray:
+    """`match` for many sets of gaps; pairs (gap, label), (P, 2), where gaps count through all sets."""
+    gap, label = np.nonzero((iou >= threshold) & (iou > 0))
+    competing = np.zeros(owner[-1] + 1 if len(owner) else 0, dtype=np.bool_)
+    for taken in (gap, owner[gap] * len(label_ids) + label):
+        order = np.argsort(taken, kind="stable")
+        competing[owner[gap[order[1:][np.diff(taken[order]) == 0]]]] = True
+    alone = ~competing[owner[gap]]
+    pairs = list(zip(gap[alone].tolist(), label[alone].tolist(), strict=True))
+    for index in np.flatnonzero(competing):
+        first, last = np.searchsorted(owner, (index, index + 1)).tolist()
+        pairs += [(first + gap, label) for gap, label in match(iou[first:last], label_ids, threshold)]
+    return np.array(sorted(pairs), dtype=np.intp).reshape(-1, 2)
 
 
 def match(iou: FloatArray, label_ids: Sequence[str], threshold: float) -> list[tuple[int, int]]:
@@ -218,77 +216,36 @@ def match(iou: FloatArray, label_ids: Sequence[str], threshold: float) -> list[t
     return sorted(matched)
 
 
-def covered_areas(scene: Scene, overlaps: Overlaps) -> list[float]:
-    """Of each label that is asked for, the visible area that any gap covers [m2]."""
-    covered = []
-    for column, label in enumerate(scene.asked):
-        touching = overlaps.parts[overlaps.shared[:, column] > 0]
-        covered.append(float(shapely.intersection(shapely.union_all(touching), label.visible).area))
-    return covered
+def covered_areas(
+    scene: Scene, outlines: Sequence[Outlined], overlaps: Overlaps, owner: IndexArray, gap: IndexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Of each label that is asked for, the visible area that any gap covers (I, A), and of the area found
+    outside every label (I,) [m2]."""
+    number = len(outlines)
+    covered, over = sums(overlaps.shared[gap], owner, number), sums(overlaps.over[gap], owner, number)
+    for index, outlined in enumerate(outlines):
+        if outlined.pieces is not outlined.polygons:
+            shared = areas_within(outlined.pieces, [label.visible for label in scene.asked])
+            areas = area_within(outlined.pieces, scene.visible)
+            covered[index] = shared.sum(axis=0)
+            over[index] = outside_labels(scene, outlined.pieces, areas, shared).sum()
+    whole = np.array([label.visible_area for label in scene.asked])
+    return np.minimum(covered, whole), over  # what adds up to a hair more is rounding
 
 
 def label_scores(
-    scene: Scene, overlaps: Overlaps, covered: Sequence[float], rules: Scoring
-) -> list[LabelScore]:
-    """One row per label of the frame; what was not asked for has neither hit nor miss."""
+    scene: Scene, covered: list[float], iou: list[float], hit: list[bool], gaps: list[float]
+) -> tuple[LabelScore, ...]:
+    """One row per label of the frame; what was not asked for has neither hit nor miss.
+
+    Of each asked label: covered area [m2], best IoU, hit, and number of gaps that belong to it.
+    """
     rows, column = [], 0
     for placed in scene.labels:
-        name, length, area = placed.label.id, placed.label.length, float(placed.visible.area)
+        known = (placed.label.id, placed.state, placed.range, placed.label.length, placed.visible_area)
         if not placed.asked:
-            rows.append(LabelScore(name, placed.state, placed.range, length, area, None, None, None, None))
+            rows.append(LabelScore(*known, None, None, None, None))
             continue
-        belonging = overlaps.belongs[:, column]
-        rows.append(
-            LabelScore(
-                name,
-                placed.state,
-                placed.range,
-                length,
-                area,
-                covered[column],
-                float(overlaps.iou[:, column].max(initial=0.0)),
-                covered[column] >= rules.hit_coverage * area,
-                int(belonging.sum()),
-            )
-        )
+        rows.append(LabelScore(*known, covered[column], iou[column], hit[column], int(gaps[column])))
         column += 1
-    return rows
-
-
-def over_area(scene: Scene, overlaps: Overlaps) -> float:
-    """Detected area outside every label [m2]."""
-    if len(overlaps.parts) == 0:
-        return 0.0
-    return float(shapely.difference(shapely.union_all(overlaps.parts), union_of_labels(scene)).area)
-
-
-def judge_crossings(compared: Comparison, scene: Scene, crossings: CrossingsOf) -> dict[str, float]:
-    """What the labels say of the crossing of the gap that overlaps each of them best."""
-    sums: dict[str, float] = dict.fromkeys(OF_CROSSINGS, 0)
-    for column, gap in compared.best.items():
-        placed = scene.asked[column]
-        for method, crossing in crossings[gap].items():
-            if placed.label.traversable is not None:
-                sums[f"{method}_judged"] += 1
-                sums[f"{method}_right"] += crossing.traversable == placed.label.traversable
-            if placed.label.length is not None:
-                sums[f"{method}_lengths"] += 1
-                sums[f"{method}_length_error_sum"] += abs(crossing.length - placed.label.length)
-            if placed.yaw is not None:
-                sums[f"{method}_yaws"] += 1
-                sums[f"{method}_yaw_error_sum"] += axial_angle(crossing.yaw, placed.yaw)
-    return sums
-
-
-def axial_angle(one: float, other: float) -> float:
-    """Angle between two axes [rad], 0 ... pi/2."""
-    difference = abs(one - other) % np.pi
-    return float(min(difference, np.pi - difference))
-
-
-def _shared(polygons: Polygons, region: BaseGeometry, wanted: NDArray[np.bool_]) -> FloatArray:
-    """Area [m2] that each wanted polygon shares with a region; 0 for the others."""
-    shared = np.zeros(len(polygons))
-    touching = wanted & np.asarray(shapely.intersects(polygons, region), dtype=np.bool_)
-    shared[touching] = shapely.area(shapely.intersection(polygons[touching], region))
-    return shared
+    return tuple(rows)

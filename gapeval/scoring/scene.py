@@ -50,6 +50,7 @@ class PlacedLabel:
     label: Label
     whole: BaseGeometry
     visible: BaseGeometry
+    visible_area: float
     state: str
     asked: bool
     range: float
@@ -58,13 +59,19 @@ class PlacedLabel:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """The view of one frame, and the labels in it. ignore: the `ignore` polygons together."""
+    """The view of one frame, and the labels in it.
+
+    visible: what can be seen. ignore: the `ignore` polygons together; visible_ignore: their visible part.
+    otherwise_labelled: what is visible of labels of any kind, but for those that are asked for.
+    """
 
     stamp: int
     view: View
     visible: BaseGeometry
     labels: tuple[PlacedLabel, ...]
     ignore: BaseGeometry
+    visible_ignore: BaseGeometry
+    otherwise_labelled: BaseGeometry
 
     @property
     def asked(self) -> tuple[PlacedLabel, ...]:
@@ -112,7 +119,18 @@ def scene(
             placed.append(
                 _seen_label(label, whole, view, visible, crossing_yaw(label, pose, robot_frame), scoring)
             )
-    return Scene(stamp, view, visible, tuple(placed), shapely.union_all(ignored))
+    ignore = shapely.union_all(ignored)
+    asked = shapely.union_all([label.visible for label in placed if label.asked])
+    others = shapely.union_all([ignore, *(label.whole for label in placed if not label.asked)])
+    return Scene(
+        stamp,
+        view,
+        visible,
+        tuple(placed),
+        ignore,
+        areas_only(shapely.intersection(ignore, visible)),
+        areas_only(shapely.intersection(shapely.difference(others, asked), visible)),
+    )
 
 
 def _seen_label(
@@ -133,15 +151,10 @@ def _seen_label(
         state = SHADOWED if in_domain.area > 0 and in_domain.area >= enough else OUT_OF_VIEW
     nearest = seen if seen.area > 0 else whole
     distance = float(shapely.distance(shapely.Point(view.origin), nearest))
-    return PlacedLabel(label, whole, seen, state, asked, distance, yaw)
+    return PlacedLabel(label, whole, seen, float(seen.area), state, asked, distance, yaw)
 
 
 def _without_slivers(region: BaseGeometry) -> BaseGeometry:
     """Neighbouring bins of a shadow leave hairlines between them, through which nothing is seen."""
     parts = shapely.get_parts(region)
     return shapely.MultiPolygon(parts[shapely.area(parts) >= SLIVER].tolist())
-
-
-def union_of_labels(scene: Scene) -> BaseGeometry:
-    """All ground that is labelled in any way."""
-    return shapely.union_all([*(label.whole for label in scene.labels), scene.ignore])

@@ -1,21 +1,23 @@
 """One frame under many configurations."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
 from gapeval.config import Configuration, Domain, Scoring
-from gapeval.detection import detect
-from gapeval.detections import Crossing, DetectedFrame, Method
+from gapeval.detection import Gaps, detect, detect_each
+from gapeval.detections import METHODS, Crossing, DetectedFrame, Method
 from gapeval.frame import FloatArray, Frame
 from gapeval.labels import Labels
-from gapeval.scoring.match import FrameScore, LabelScore, score
+from gapeval.scoring.crossings import Verdicts, verdicts_of_one
+from gapeval.scoring.match import LabelScore, score_each
 from gapeval.scoring.metrics import SUMS
+from gapeval.scoring.overlap import Outlines, pieces
 from gapeval.scoring.scene import View, scene, view
-from gapeval.sweep.grid import common_margin
-from gapeval.sweep.memory import Memory
-from gapeval.traversability import assess, by_gap
+from gapeval.share import Share
+from gapeval.traversability import Crossings, assess, assess_each, by_gap
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,34 +61,48 @@ def evaluate(
     frame: Frame, question: Question, labels: Labels | None, robot_frame: str
 ) -> tuple[Answers, dict[str, list[float]]]:
     """The answers in the order of the configurations, and the seconds that each step took each time."""
-    memory = Memory()
+    share, configurations = Share(), question.configurations
     asked = None
     if labels is not None and labels.cover(frame.stamp):
-        seen = memory(
-            view, frame, question.domain, question.origin, question.configurations[0], question.scoring
+        seen = share(view, frame, question.domain, question.origin, configurations[0], question.scoring)
+        asked = share(scene, frame.stamp, frame.pose, seen, labels, robot_frame, question.scoring)
+    detections = detect_each(frame, configurations, share)
+    crossings = assess_each(
+        [(found, c.robot, c.crossing) for found, c in zip(detections, configurations, strict=True)], share
+    )
+    gaps = [detection.gaps for detection in detections]
+    scores = score_each(asked, gaps, verdicts(crossings), question.scoring, share)
+    fallbacks = tuple(detection.fallback for detection in detections)
+    kept: tuple[tuple[GapAnswer, ...], ...] = ((),) * len(gaps)
+    if question.keep_gaps:
+        kept = tuple(_kept(of, by_gap(crossings.of(index))) for index, of in enumerate(gaps))
+    return Answers(with_fallbacks(scores.sums, fallbacks), scores.labels, fallbacks, kept), share.spent
+
+
+def verdicts(crossings: Crossings) -> dict[Method, Verdicts]:
+    """What is scored of crossings, by method."""
+    found: dict[Method, Verdicts] = {}
+    for index, method in enumerate(METHODS):
+        of = np.flatnonzero(crossings.method == index)
+        found[method] = Verdicts(
+            crossings.detection[of],
+            crossings.gap[of],
+            np.asarray(crossings.reason[of] == "", dtype=np.bool_),
+            crossings.length[of],
+            crossings.yaw[of],
         )
-        asked = memory(scene, frame.stamp, frame.pose, seen, labels, robot_frame, question.scoring)
-    margin = common_margin(question.configurations)
-    sums = np.zeros((len(question.configurations), len(SUMS)))
-    scores: list[tuple[LabelScore, ...]] = []
-    fallbacks: list[str] = []
-    gaps: list[tuple[GapAnswer, ...]] = []
-    for row, configuration in zip(sums, question.configurations, strict=True):
-        detection = detect(frame, configuration, memory, margin)
-        crossings = by_gap(assess(detection, configuration.robot, configuration.crossing, memory))
-        scored = score(asked, detection.gaps, crossings, question.scoring, memory)
-        row[:] = sums_of(scored, detection.fallback)
-        areas = shapely.area(detection.gaps.polygons).tolist() if question.keep_gaps else []
-        scores.append(scored.labels)
-        fallbacks.append(detection.fallback)
-        gaps.append(tuple(GapAnswer(area, crossings[index]) for index, area in enumerate(areas)))
-    return Answers(sums, tuple(scores), tuple(fallbacks), tuple(gaps)), memory.spent
+    return found
 
 
-def sums_of(scored: FrameScore, fallback: str) -> FloatArray:
-    """One row of Answers.sums."""
-    sums = scored.sums | {"plane_fallbacks": int(fallback != "")}
-    return np.array([sums.get(name, 0) for name in SUMS], dtype=np.float64)
+def with_fallbacks(sums: FloatArray, fallbacks: Sequence[str]) -> FloatArray:
+    """Sums (C, len(SUMS)) that also count the planes that are not those asked for."""
+    counted = sums.copy()
+    counted[:, list(SUMS).index("plane_fallbacks")] = [fallback != "" for fallback in fallbacks]
+    return counted
+
+
+def _kept(gaps: Gaps, crossings: Sequence[dict[Method, Crossing]]) -> tuple[GapAnswer, ...]:
+    return tuple(map(GapAnswer, shapely.area(gaps.polygons).tolist(), crossings))
 
 
 def detected(frame: Frame, configuration: Configuration, question: Question) -> DetectedFrame:
@@ -115,6 +131,8 @@ def rescored(frame: DetectedFrame, labels: Labels, robot_frame: str, scoring: Sc
         hidden = shapely.MultiPolygon() if frame.shadow is None else frame.shadow
         seen = View(frame.plane, frame.domain, hidden, frame.origin)
         asked = scene(frame.stamp, frame.pose, seen, labels, robot_frame, scoring)
-    scored = score(asked, frame, frame.crossings, scoring)
-    sums = sums_of(scored, frame.fallback)[None]
-    return Answers(sums, (scored.labels,), (frame.fallback,), ((),))
+    known = {method: verdicts_of_one(method, frame.crossings) for method in METHODS}
+    outlines = Outlines(frame.polygons, pieces(frame.polygons))
+    scores = score_each(asked, [outlines], known, scoring, Share())
+    fallbacks = (frame.fallback,)
+    return Answers(with_fallbacks(scores.sums, fallbacks), scores.labels, fallbacks, ((),))

@@ -1,7 +1,6 @@
 """From a configuration file's grid to its configurations."""
 
 import itertools
-from collections.abc import Sequence
 
 from pydantic import ValidationError
 
@@ -39,8 +38,3 @@ def the_one(config: Config) -> Configuration:
             f"the grid has {len(found)} configurations; detect runs one: choose {keys} with -p, or use sweep"
         )
     return found[0]
-
-
-def common_margin(found: Sequence[Configuration]) -> int:
-    """How many cells beyond the box the shared tables need, for the most erosions of the grid."""
-    return max(2 * configuration.detector.n_o for configuration in found)
