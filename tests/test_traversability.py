@@ -511,7 +511,8 @@ def test_an_obstacle_near_start():
     assert reasons(detection, clearance=0.1) == {""}
 
 
-def test_a_large_obstacle_cell_counts_where_it_reaches():
+@pytest.mark.parametrize("standoff", [1.6, 3.4], ids=["beside it", "off its outer corner"])
+def test_a_large_obstacle_cell_counts_where_it_reaches(standoff):
     """Its midpoint may be far from the pose: three rows (to 4/7, 12/7 and 4 m) of three columns here."""
     grid = polar_grid(4, 3, 2.0, 4.0, (0.0, 0.0))
     gap = Mask(np.array([[False] * 3, [False, True, False], [False] * 3]))
@@ -520,7 +521,7 @@ def test_a_large_obstacle_cell_counts_where_it_reaches():
     detection = Detection(0, robot_plane(0), "", surface, find_contours([(grid, gap)])[0])
     inner, outer = (r * np.array([math.cos(math.pi / 6), -math.sin(math.pi / 6)]) for r in (12 / 7, 4))
     cell = shapely.Polygon([inner, (0, -12 / 7), (0, -4), outer])
-    rules = {"d_r": 5.0, "rules": "paper", "standoff": 1.6}
+    rules = {"d_r": 5.0, "rules": "paper", "standoff": standoff}
     end = shapely.Point(crossings_in(detection, clearance=0.0, **rules)["npca"].end)
     for clearance, expected in [(cell.distance(end) - 1e-6, ""), (cell.distance(end) + 1e-6, "obstacle")]:
         assert crossings_in(detection, clearance=clearance, **rules)["npca"].reason == expected

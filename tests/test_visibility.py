@@ -213,6 +213,15 @@ def test_the_domain_of_a_sensor_that_sees_all_is_the_paper_s_box():
     assert found.area == pytest.approx(segment, rel=1e-4)
 
 
+def test_the_domain_holds_all_that_is_nearer_than_r_max():
+    """Its arc is drawn around the circle, so no cell of the last row loses a sliver to it."""
+    region = domain(0.0, 5.0, (0.5, 0.0), GROUND, mount(), STRAIGHT_DOWN, None)
+    theta = np.linspace(-1.5, 1.5, 5001)
+    for r, expected in ((5.0 - 1e-6, True), (5.0 + 1e-3, False)):
+        held = shapely.contains_xy(region, 0.5 + r * np.cos(theta), r * np.sin(theta))
+        assert (held == expected).all()
+
+
 def test_a_domain_without_ground_in_view_is_empty():
     fov = FieldOfView(elevation=(-1.5, -1.2))
     found = domain(0.6, 3.0, (0.0, 0.0), GROUND, mount(), STRAIGHT_DOWN, fov)

@@ -1,6 +1,6 @@
 """One frame under many configurations."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +15,12 @@ from gapeval.scoring.crossings import Verdicts, verdicts_of_one
 from gapeval.scoring.match import LabelScore, score_each
 from gapeval.scoring.metrics import SUMS
 from gapeval.scoring.overlap import Outlines, pieces
-from gapeval.scoring.scene import View, scene, view
+from gapeval.scoring.scene import Scene, View, scene, view
 from gapeval.share import Share
 from gapeval.traversability import Crossings, assess, assess_each, by_gap
+
+# Of all images that are held at a time: about 100 MB with what is worked out from them, whatever the grid.
+MOST_CELLS = 1 << 23
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +64,44 @@ def evaluate(
     frame: Frame, question: Question, labels: Labels | None, robot_frame: str
 ) -> tuple[Answers, dict[str, list[float]]]:
     """The answers in the order of the configurations, and the seconds that each step took each time."""
-    share, configurations = Share(), question.configurations
+    share = Share()
     asked = None
     if labels is not None and labels.cover(frame.stamp):
-        seen = share(view, frame, question.domain, question.origin, configurations[0], question.scoring)
-        asked = share(scene, frame.stamp, frame.pose, seen, labels, robot_frame, question.scoring)
+        chosen = question.configurations[0]
+        seen = share.timed(view, frame, question.domain, question.origin, chosen, question.scoring)
+        asked = share.timed(scene, frame.stamp, frame.pose, seen, labels, robot_frame, question.scoring)
+    parts, spent = [], share.spent
+    for batch in batches(question.configurations, MOST_CELLS):
+        share = Share()
+        parts.append(evaluate_together(frame, batch, asked, question, share))
+        for step, seconds in share.spent.items():
+            spent.setdefault(step, []).extend(seconds)
+    return joined(parts), spent
+
+
+def batches(configurations: Sequence[Configuration], most: int) -> Iterator[tuple[Configuration, ...]]:
+    """Runs of configurations whose images have at most so many cells together, or that are one alone."""
+    batch: list[Configuration] = []
+    held = 0
+    for configuration in configurations:
+        cells = configuration.detector.height * configuration.detector.width
+        if batch and held + cells > most:
+            yield tuple(batch)
+            batch, held = [], 0
+        batch.append(configuration)
+        held += cells
+    if batch:
+        yield tuple(batch)
+
+
+def evaluate_together(
+    frame: Frame,
+    configurations: Sequence[Configuration],
+    asked: Scene | None,
+    question: Question,
+    share: Share,
+) -> Answers:
+    """The answers of some of the question's configurations, which share what is equal."""
     detections = detect_each(frame, configurations, share)
     crossings = assess_each(
         [(found, c.robot, c.crossing) for found, c in zip(detections, configurations, strict=True)], share
@@ -76,7 +112,17 @@ def evaluate(
     kept: tuple[tuple[GapAnswer, ...], ...] = ((),) * len(gaps)
     if question.keep_gaps:
         kept = tuple(_kept(of, by_gap(crossings.of(index))) for index, of in enumerate(gaps))
-    return Answers(with_fallbacks(scores.sums, fallbacks), scores.labels, fallbacks, kept), share.spent
+    return Answers(with_fallbacks(scores.sums, fallbacks), scores.labels, fallbacks, kept)
+
+
+def joined(parts: Sequence[Answers]) -> Answers:
+    """The answers of all batches, one after the other."""
+    return Answers(
+        np.concatenate([part.sums for part in parts]),
+        tuple(labels for part in parts for labels in part.labels),
+        tuple(fallback for part in parts for fallback in part.fallbacks),
+        tuple(gaps for part in parts for gaps in part.gaps),
+    )
 
 
 def verdicts(crossings: Crossings) -> dict[Method, Verdicts]:
