@@ -78,9 +78,9 @@ def detect_each(frame: Frame, configurations: Sequence[Configuration], share: Sh
     marked = []
     for configuration, grid in zip(configurations, grids, strict=True):
         of = grid, box_of(configuration.detector), configuration.robot, configuration.sensor
-        if of not in binned:
-            binned[of] = bin_points(frame, *of, margin, reach, share)
-        marked.append((binned[of].fit, mark(binned[of], configuration.detector, share)))
+        points = binned.get(of) or bin_points(frame, *of, margin, reach, share)
+        binned[of] = points
+        marked.append((points.fit, mark(points, configuration.detector, share)))
     gaps = share.together(find_contours, [(known.grid, known.gap) for _, known in marked])
     return [
         Detection(frame.stamp, fit.plane, fit.fallback, known, found)
@@ -111,7 +111,7 @@ def mark(binned: Binned, params: Detector, share: Share) -> Surface:
     """Sections 3.1.1 and 3.1.2: from cells to the filtered image."""
     image = share(binary_image, binned.table, params.pl_th)
     gap = share(morphology, image, binned.seen, params.n_o, params.edge, params.kernel)
-    return share(surface, binned.table.grid, image, binned.seen, gap)
+    return surface(binned.table.grid, image, binned.seen, gap)
 
 
 def box_of(params: Detector) -> Box:
