@@ -147,13 +147,34 @@ def test_a_cluster_is_left_when_interrupted(tmp_path: Path, cluster: str) -> Non
     assert swept(one, "-p", "n_o=0", "-o", tmp_path / "next", "--executor", cluster)[0] == 0
 
 
-def test_workers_with_other_code_are_refused(tmp_path: Path) -> None:
-    log, out = drive(tmp_path / "drive.mcap", 1), tmp_path / "out"
-    other = tmp_path / "other"
-    shutil.copytree(Path(package.__file__).parent, other / "gapeval")
-    units = other / "gapeval/sweep/units.py"
+def other_code(folder: Path) -> str:
+    """The package with one line changed; what PYTHONPATH must be for it."""
+    shutil.copytree(Path(package.__file__).parent, folder / "gapeval")
+    units = folder / "gapeval/sweep/units.py"
     assert CHANGED in units.read_text()
     units.write_text(units.read_text().replace(CHANGED, CHANGED + "0"))
+    return str(folder)
+
+
+def test_a_worker_with_other_code_that_joins_later_ends_the_sweep(tmp_path: Path) -> None:
+    log, out = drive(tmp_path / "drive.mcap", 40), tmp_path / "out"
+    other = other_code(tmp_path / "other")
+    with scheduler(tmp_path) as (address, _), worker(address, tmp_path, "--nthreads", 1):
+        sweep = begun(log, *MANY, "-o", out, "--executor", f"dask://{address}")
+        wait_for(lambda: len(parts_of(out)) >= 1, sweep)
+        with worker(address, tmp_path, "--nthreads", 2, PYTHONPATH=other):
+            _, errors = sweep.communicate(timeout=FOREVER)
+    assert sweep.returncode == 1, errors
+    assert "gapeval: a worker that joined later differs: source is " in errors.rstrip().splitlines()[-1]
+    assert not bytes_of(out)
+    there = parts_of(out)
+    assert gapeval("sweep", "--resume", out).status == 0
+    assert {name: parts_of(out)[name] for name in there} == there
+
+
+def test_workers_with_other_code_are_refused(tmp_path: Path) -> None:
+    log, out = drive(tmp_path / "drive.mcap", 1), tmp_path / "out"
+    other = other_code(tmp_path / "other")
     with scheduler(tmp_path) as (address, _):
         url = f"dask://{address}"
         status, line = swept(log, "-o", out, "--executor", url)
@@ -161,7 +182,7 @@ def test_workers_with_other_code_are_refused(tmp_path: Path) -> None:
             1,
             f"gapeval: --executor {url}: no workers there; start some with `dask worker`",
         )
-        with worker(address, tmp_path, PYTHONPATH=str(other)):
+        with worker(address, tmp_path, PYTHONPATH=other):
             status, line = swept(log, "-o", out, "--executor", url)
     assert status == 1
     assert line.startswith("gapeval: worker tcp://127.0.0.1:")

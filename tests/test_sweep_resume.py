@@ -207,6 +207,68 @@ def test_a_worker_that_is_killed_costs_nothing(tmp_path: Path, trench: Path) -> 
     assert bytes_of(out) == bytes_of(tmp_path / "whole")
 
 
+def test_a_worker_that_is_killed_as_it_starts(tmp_path: Path, trench: Path) -> None:
+    """While it is told what to do: what it is told must not fill the pipe that nobody reads any more."""
+    log, out = drive(tmp_path / "drive.mcap", 6), tmp_path / "out"
+    sweep = begun(log, "--labels", trench, *MANY, "-o", out, "--jobs", 2)
+    wait_for(lambda: len(workers_of(sweep)) >= 1, sweep)
+    os.kill(workers_of(sweep)[0], signal.SIGKILL)
+    _, errors = sweep.communicate(timeout=120)
+    assert sweep.returncode == 0, errors
+    assert gapeval("sweep", log, "--labels", trench, *MANY, "-o", tmp_path / "whole").status == 0
+    assert bytes_of(out) == bytes_of(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.002, 0.05])
+def test_interrupted_twice(tmp_path: Path, trench: Path, apart: float) -> None:
+    log, out = drive(tmp_path / "drive.mcap", 12), tmp_path / "out"
+    sweep = begun(log, "--labels", trench, *MANY, "-o", out, "--jobs", 3)
+    wait_for(lambda: len(parts_of(out)) >= 1, sweep)
+    os.killpg(sweep.pid, signal.SIGINT)
+    time.sleep(apart)
+    if sweep.poll() is None:
+        os.killpg(sweep.pid, signal.SIGINT)
+    _, errors = sweep.communicate(timeout=60)
+    assert sweep.returncode in (130, -signal.SIGINT), errors
+    assert gapeval("sweep", "--resume", out).status == 0
+    assert gapeval("sweep", log, "--labels", trench, *MANY, "-o", tmp_path / "whole").status == 0
+    assert bytes_of(out) == bytes_of(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_log_that_is_replaced_meanwhile(tmp_path: Path, trench: Path, jobs: int) -> None:
+    """Nothing of the other log gets into the results, and nothing is counted as refused."""
+    log, out = drive(tmp_path / "drive.mcap", 12), tmp_path / "out"
+    other = drive(tmp_path / "other.mcap", 9, seed=4)
+    kept = shutil.copy(log, tmp_path / "kept.mcap")
+    asked = (log, "--labels", trench, *MANY, "--jobs", jobs)
+    sweep = begun(*asked, "-o", out)
+    wait_for(lambda: len(parts_of(out)) >= 1, sweep)
+    other.replace(log)
+    _, errors = sweep.communicate(timeout=300)
+    assert sweep.returncode == 1, errors
+    assert "has changed since the sweep began" in errors.rstrip().splitlines()[-1]
+    found = json.loads((out / "manifest.json").read_text())
+    assert found["failed"]
+    assert found["logs"][0]["refused"] == {}
+    Path(kept).replace(log)
+    assert gapeval("sweep", *asked, "-o", out).status == 0
+    assert gapeval("sweep", *asked, "-o", tmp_path / "whole").status == 0
+    assert bytes_of(out) == bytes_of(tmp_path / "whole")
+
+
+def test_a_part_under_the_name_of_another_is_made_again(tmp_path: Path, trench: Path) -> None:
+    log, out = drive(tmp_path / "drive.mcap", 4), tmp_path / "out"
+    asked = ("sweep", log, "--labels", trench, *GRID, "-o", out, "--jobs", 1)
+    assert gapeval(*asked).status == 0
+    whole = bytes_of(out)
+    one, other, *_ = sorted((out / "parts").glob("*.npz.zst"))
+    shutil.copy(one, other)
+    again = gapeval(*asked)
+    assert "resuming: 3 of 4 frames are there" in again.err
+    assert bytes_of(out) == whole
+
+
 def limited(size: int) -> Callable[[], None]:
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
@@ -220,7 +282,7 @@ def test_a_disk_that_is_full(tmp_path: Path, trench: Path) -> None:
         _, errors = sweep.communicate(timeout=300)
         assert sweep.returncode == 1, errors
         last = errors.rstrip().splitlines()[-1]
-        assert last.startswith(f"gapeval: {out}")
+        assert last.startswith("gapeval: ")
         assert "File too large" in last
         assert len(parts_of(out)) == kept
         assert [path.name for path in out.iterdir()] == ["parts"]
@@ -254,7 +316,7 @@ def test_a_unit_that_fails_is_told_and_the_rest_goes_on(tmp_path: Path, trench: 
     assert last.startswith(
         f"gapeval: {len(failed)} of 12 units failed, {lost}: the first because {log}: damaged"
     )
-    assert last.endswith("; run the same command again")
+    assert last.endswith("; mend that, and run the same command again")
     assert "Traceback" not in errors
     assert f"{12 - len(failed)} frames of 1 log" in output
     log.write_bytes(whole)

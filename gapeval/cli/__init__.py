@@ -57,8 +57,8 @@ def main(arguments: list[str] | None = None) -> None:
         sys.exit(error.exit_code)
     except (click.Abort, KeyboardInterrupt) as interrupt:
         # click hides the interrupt of a command behind an Abort.
-        what_to_do = str(interrupt) or str(interrupt.__cause__ or "") or "nothing unfinished was left behind"
-        click.echo(f"gapeval: interrupted; {what_to_do}", err=True)
+        what_to_do = str(interrupt) or str(interrupt.__cause__ or "")
+        click.echo(f"gapeval: interrupted{what_to_do and '; ' + what_to_do}", err=True)
         sys.exit(INTERRUPTED)
     except GapevalError as error:
         if debug:

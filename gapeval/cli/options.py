@@ -10,7 +10,18 @@ if TYPE_CHECKING:
     from gapeval.config import Config
 
 F = TypeVar("F", bound=Callable[..., Any])
-PATH = click.Path(path_type=Path)
+
+
+class _Path(click.Path):
+    """A path that is not empty: that would be the folder that one happens to be in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, context: click.Context | None) -> Any:
+        if value == "":
+            self.fail("a path cannot be empty", param, context)
+        return super().convert(value, param, context)
+
+
+PATH = _Path(path_type=Path)
 
 config_option = click.option(
     "--config", "config_file", type=PATH, metavar="FILE", help="Configuration in YAML; see configs/."

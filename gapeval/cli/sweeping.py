@@ -32,6 +32,8 @@ from gapeval.sweep.cluster import connected, on_cluster, scheduler_address
 from gapeval.sweep.executor import Finished, Workers, in_processes, in_this_process
 from gapeval.sweep.grid import configurations
 
+AGAIN = "mend that, and run the same command again"
+
 
 @dataclass(frozen=True, slots=True)
 class Way:
@@ -87,21 +89,28 @@ def _sweep(order: Order, output: Path, way: Way, also: str = "") -> None:
         for before, after in zip((*order.logs, *order.labels), now, strict=True):
             if before.sha256 not in ("", after.sha256):
                 say(f"{after.path}: has changed since that sweep began; evaluated again")
-        if begun.frames_there:
-            say(f"resuming: {begun.frames_there} of {counted(planned.frames, 'frame')} are there")
+        wanted, lacking = begun.evaluations
+        if lacking < wanted:
+            say(
+                f"resuming: {begun.frames_there} of {counted(planned.frames, 'frame')} are there, "
+                f"{wanted - lacking} of {wanted} evaluations (frames x configurations)"
+            )
         with progress_bar(f"sweep {grid}", planned.frames, "frames") as bar:
             bar.update(begun.frames_there)
             failed = _evaluate(begun, way, bar.update)
             seconds = bar.format_dict["elapsed"]
         if failed and way.fail_fast:
-            raise GapevalError(f"{_told(failed, begun)}; nothing was merged; run the same command again")
+            raise GapevalError(
+                f"{_told(failed, begun)}; nothing was merged; mend that, and run the same command again"
+            )
         done = write_results(begun, failed, output)
     for recording, entry in zip(planned.task.recordings, done.logs, strict=True):
         say_newly_refused(recording, entry["refused"])
     say_more(timing_table(done.store))
     refused = sum(sum(entry["refused"].values()) for entry in done.logs)
-    evaluated = sum(len(unit.span) * len(unit.configurations) for unit in begun.there.missing)
-    rate = f" in {seconds:.1f} s ({evaluated / max(seconds, 1e-9):.0f}/s)" if evaluated else ""
+    rate = f" in {seconds:.1f} s ({lacking / max(seconds, 1e-9):.0f}/s)" if lacking else ", all of it before"
+    if failed:
+        rate = ""
     click.echo(f"{best_table(done.store, also)}\n")
     click.echo(
         f"evaluated  {grid} on {counted(done.frames, 'frame')} of {counted(len(done.logs), 'log')}{rate}\n"
@@ -109,7 +118,7 @@ def _sweep(order: Order, output: Path, way: Way, also: str = "") -> None:
         f"files      in {output}: {', '.join(done.store.names)}"
     )
     if failed:
-        raise GapevalError(f"{_told(failed, begun)}; run the same command again")
+        raise GapevalError(f"{_told(failed, begun)}; {AGAIN}")
 
 
 @contextmanager
@@ -141,6 +150,7 @@ def _workers(begun: Begun, way: Way) -> Iterator[Workers]:
     task = begun.sweep.task
     jobs = min(way.jobs or os.cpu_count() or 1, len(begun.there.missing))
     if way.executor is not None and begun.there.missing:
+        say(f"connecting to {way.executor}")
         with connected(way.executor) as client:
             yield on_cluster(client, way.executor, make_part, task)
     else:

@@ -4,7 +4,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ from gapeval.scoring.scene import common_domain
 from gapeval.sweep.evaluation import Question
 from gapeval.sweep.executor import Finished, Workers, results
 from gapeval.sweep.grid import configurations
-from gapeval.sweep.provenance import content_digest
+from gapeval.sweep.provenance import content_digest, content_sample
 from gapeval.sweep.units import Span, Task, split
 
 
@@ -58,6 +58,12 @@ class Begun:
     keys: tuple[str, ...]
     spans: tuple[Span, ...]
     there: There
+
+    @property
+    def evaluations(self) -> tuple[int, int]:
+        """Of frames under configurations: how many there are to be, and how many are missing."""
+        missing = sum(len(unit.span) * len(unit.configurations) for unit in self.there.missing)
+        return self.sweep.frames * len(self.sweep.task.question.configurations), missing
 
     @property
     def frames_there(self) -> int:
@@ -102,6 +108,7 @@ def plan(
 def begin(sweep: Sweep, parts: Path) -> Begun:
     """Note what is to be done, and look what is there already. The folder must be locked."""
     task = sweep.task
+    contents = tuple(content_sample(recording.path) for recording in task.recordings)
     digests = [content_digest(recording.path) for recording in task.recordings]
     order = Order(
         tuple(
@@ -112,8 +119,10 @@ def begin(sweep: Sweep, parts: Path) -> Begun:
         task.question.keep_gaps,
     )
     write_order(parts, order)
-    spans, found = tuple(split(task)), keys(task, sweep.config, digests)
-    return Begun(sweep, order, parts, found, spans, look(parts, task, found, spans))
+    found = keys(task, sweep.config, digests)
+    task = replace(task, keys=found, contents=contents)
+    spans = tuple(split(task))
+    return Begun(replace(sweep, task=task), order, parts, found, spans, look(parts, task, found, spans))
 
 
 def evaluate_missing(
@@ -168,7 +177,7 @@ def _merge(begun: Begun, span: Span, ids: Sequence[str], tally: LogTally, store:
         parts = [read_part(path) for path in begun.there.paths[span]]
     except UnreadablePartError as error:
         raise GapevalError(
-            f"{error}: a part that was there is damaged; run the same command again"
+            f"{error}: a part that was there is damaged now; run the same command again"
         ) from error
     unit, name = (
         merged(parts, ids, [file for file in FILES if file in store.names]),

@@ -27,12 +27,16 @@ FAST = 1  # zstd's level
 class Part:
     """The frames (n) of a unit under its configurations (C).
 
+    key, first, last: what it was made from, and which frames; see results.parts.
     ids: of the configurations, in the order of the sweep that made it. gaps: whether it has rows of gaps.csv.
     refusals: why clouds were refused, one text each, in order. digests, points, dropped: of each frame.
     sums: (n, C, len(SUMS)). rows: of each file, its rows. ends: of each file, (n, C), where in its text the
     rows of that frame and configuration end. spent: of each frame, by stage: mean seconds, and how often.
     """
 
+    key: str
+    first: int
+    last: int
     ids: tuple[str, ...]
     gaps: bool
     refusals: tuple[str, ...]
@@ -71,6 +75,9 @@ def make_part(task: Task, unit: Unit, stopped: Callable[[], bool]) -> bytes:
     shape = (len(digests), len(ids))
     return packed(
         Part(
+            key=task.keys[unit.span.recording],
+            first=unit.span.first,
+            last=unit.span.last,
             ids=tuple(ids),
             gaps=task.question.keep_gaps,
             refusals=tuple(refusals),
@@ -87,7 +94,15 @@ def make_part(task: Task, unit: Unit, stopped: Callable[[], bool]) -> bytes:
 
 def packed(part: Part) -> bytes:
     """The bytes of a part: arrays as numpy stores them, compressed."""
-    about = {"ids": part.ids, "gaps": part.gaps, "refusals": part.refusals, "spent": part.spent}
+    about = {
+        "key": part.key,
+        "first": part.first,
+        "last": part.last,
+        "ids": part.ids,
+        "gaps": part.gaps,
+        "refusals": part.refusals,
+        "spent": part.spent,
+    }
     arrays: dict[str, NDArray[Any]] = {
         "about": _bytes(json.dumps(about)),
         "digests": np.frombuffer(b"".join(part.digests), np.uint8),
@@ -109,6 +124,9 @@ def unpacked(content: bytes) -> Part:
             about = json.loads(arrays["about"].tobytes())
             digests = arrays["digests"].tobytes()
             return Part(
+                key=about["key"],
+                first=about["first"],
+                last=about["last"],
                 ids=tuple(about["ids"]),
                 gaps=about["gaps"],
                 refusals=tuple(about["refusals"]),

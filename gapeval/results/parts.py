@@ -83,7 +83,9 @@ def read_order(folder: Path) -> Order:
             for key in ("logs", "labels")
         )
         config = Config.model_validate(yaml.safe_load(document["config"]))
-        return Order(logs, labels, config, bool(document["gaps"]))
+        if not isinstance(document["gaps"], bool):
+            raise ValueError("gaps")
+        return Order(logs, labels, config, document["gaps"])
     except FileNotFoundError as error:
         raise GapevalError(f"{folder}: no sweep was begun here: {path} is missing; name its logs") from error
     except (OSError, ValueError, KeyError, AttributeError, TypeError, yaml.YAMLError) as error:
@@ -151,6 +153,8 @@ def look(parts: Path, task: Task, keys: Sequence[str], spans: Iterable[Span]) ->
                 part = read_part(path)
             except UnreadablePartError:
                 continue
+            if (part.key, part.first, part.last) != (keys[span.recording], span.first, span.last):
+                continue  # another, under the name of this one
             if lacking.keys() & set(part.ids) and (part.gaps or not task.question.keep_gaps):
                 paths[span].append(path)
                 for name in part.ids:

@@ -1,6 +1,5 @@
 """Units to the workers of a Dask cluster that runs already. Logs are read from a path that all share."""
 
-import hashlib
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future
@@ -12,16 +11,14 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 from gapeval.errors import ConfigError, GapevalError
-from gapeval.sweep.executor import Stopped, Submit, Work, Workers, one_thread
-from gapeval.sweep.provenance import code, files_of
+from gapeval.sweep.executor import Stopped, Submit, Work, Workers, WrongWorkersError, one_thread
+from gapeval.sweep.provenance import MISSING, code, content_sample
 from gapeval.sweep.units import Task, Unit
 
 if TYPE_CHECKING:
     from distributed import Client
 
 CONNECT = 10  # s
-SAMPLE = 1 << 16  # bytes of a log's beginning and end that are compared
-MISSING = "missing"
 
 
 def scheduler_address(url: str) -> str:
@@ -91,7 +88,7 @@ def _submitted(executor: Any, order: Any, unit: Unit) -> "Future[bytes]":
 def _work(order: tuple[Work, Task, Mapping[str, str]], unit: Unit) -> bytes:
     work, task, expected = order
     if unlike := differing(expected, code()):  # a worker that came later was not asked before
-        raise GapevalError(f"a worker differs: {unlike}")
+        raise WrongWorkersError(f"a worker that joined later differs: {unlike}; end it, and go on")
     one_thread()
     return work(task, unit, _cancelled())
 
@@ -127,21 +124,7 @@ def facts(logs: Sequence[str]) -> dict[str, str]:
 
 def log_facts(logs: Sequence[str]) -> dict[str, str]:
     """Of each log: its size, and a digest of the beginning and end of its files."""
-    return {path: _log_facts(Path(path)) for path in logs}
-
-
-def _log_facts(path: Path) -> str:
-    if not path.exists():
-        return MISSING
-    digest, total = hashlib.sha256(), 0
-    for file in files_of(path):
-        with file.open("rb") as stream:
-            size = file.stat().st_size
-            digest.update(stream.read(SAMPLE))
-            stream.seek(max(0, size - SAMPLE))
-            digest.update(stream.read(SAMPLE))
-        total += size
-    return f"{total} bytes ({digest.hexdigest()[:8]})"
+    return {path: content_sample(Path(path)) for path in logs}
 
 
 def differing(ours: Mapping[str, str], theirs: Mapping[str, str]) -> str:

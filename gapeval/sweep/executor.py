@@ -1,6 +1,7 @@
 """Units to workers and back: in this process, or in several. A cluster's workers are in `cluster`."""
 
 import os
+import pickle
 import signal
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
@@ -9,12 +10,15 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from multiprocessing import connection, get_context, parent_process
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Thread, current_thread, main_thread
 from typing import Any
 
 import cv2
 
 from gapeval.errors import GapevalError
+from gapeval.files import write_whole
 from gapeval.sweep.units import Task, Unit
 
 Stopped = Callable[[], bool]
@@ -41,6 +45,10 @@ class Finished:
 
 class WorkerDiedError(GapevalError):
     """A unit after which its worker was gone."""
+
+
+class WrongWorkersError(GapevalError):
+    """Of the workers, not of the unit: the sweep must not go on with them."""
 
 
 def results(workers: Workers, units: Sequence[Unit]) -> Generator[Finished, None, None]:
@@ -78,6 +86,8 @@ def _work_off(submit: Submit, waiting: deque[Unit], at_once: int) -> Generator[F
             error = future.exception()
             if isinstance(error, BrokenProcessPool):
                 lost.append(unit)
+            elif isinstance(error, WrongWorkersError):
+                raise error
             elif isinstance(error, Exception):
                 yield Finished(unit, error=error)
             else:
@@ -112,15 +122,38 @@ def in_processes(work: Work, task: Task, jobs: int) -> Workers:
         # Spawned: OpenCV hangs in processes that were forked. A plain byte: one that dies holds no lock.
         context = get_context("spawn")
         stop = context.RawValue("b", 0)
-        pool = ProcessPoolExecutor(jobs, context, initializer=_begin_worker, initargs=(work, task, stop))
-        try:
-            yield lambda unit: _submit(pool, unit)
-        finally:
-            stop.value = 1
-            # A pool whose workers are killed can hang for good.
-            pool.shutdown(wait=True, cancel_futures=True)
+        with TemporaryDirectory() as folder, _one_interrupt():
+            # By a file: what is told to a process at its start must fit in a pipe, or whoever tells it to one
+            # that dies waits for good.
+            order = Path(folder) / "order"
+            write_whole(order, pickle.dumps((work, task)))
+            pool = ProcessPoolExecutor(jobs, context, initializer=_begin_worker, initargs=(order, stop))
+            try:
+                yield lambda unit: _submit(pool, unit)
+            finally:
+                stop.value = 1
+                # A pool whose workers are killed can hang for good.
+                pool.shutdown(wait=True, cancel_futures=True)
 
     return Workers(begin, 2 * jobs)
+
+
+@contextmanager
+def _one_interrupt() -> Iterator[None]:
+    """The first Ctrl-C interrupts; others do nothing until this is left, in good order."""
+    if current_thread() is not main_thread():
+        yield
+        return
+
+    def interrupt(number: int, _: object) -> None:
+        signal.signal(number, signal.SIG_IGN)
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _submit(pool: ProcessPoolExecutor, unit: Unit) -> "Future[bytes]":
@@ -135,17 +168,18 @@ def _submit(pool: ProcessPoolExecutor, unit: Unit) -> "Future[bytes]":
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         signal.signal(signal.SIGINT, handler)
-        if interrupts:
-            raise KeyboardInterrupt
+        if interrupts and callable(handler):
+            handler(signal.SIGINT, None)
 
 
 _own: tuple[Work, Task, Any]  # of a worker process
 
 
-def _begin_worker(work: Work, task: Task, stop: Any) -> None:
+def _begin_worker(order: Path, stop: Any) -> None:
     global _own
-    _own = work, task, stop
     Thread(target=_end_with_parent, daemon=True).start()
+    work, task = pickle.loads(order.read_bytes())  # our parent's
+    _own = work, task, stop
     one_thread()
 
 

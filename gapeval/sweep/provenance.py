@@ -9,6 +9,8 @@ from pathlib import Path
 import shapely
 
 LIBRARIES = ("numpy", "opencv-python-headless", "shapely", "scipy", "rosbags", "mcap")
+MISSING = "missing"
+SAMPLE = 1 << 16  # bytes of each end
 PACKAGE = Path(__file__).parent.parent
 DECIDES_NOTHING = ("cli", "report", "simulate")  # of a sweep's results
 
@@ -32,6 +34,21 @@ def code() -> dict[str, str]:
 def files_of(path: Path) -> list[Path]:
     """The files of a log, which may be a folder."""
     return sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [path]
+
+
+def content_sample(path: Path) -> str:
+    """Size, and a digest of the beginning and end of its files: cheap, and different for another log."""
+    if not path.exists():
+        return MISSING
+    digest, total = hashlib.sha256(), 0
+    for file in files_of(path):
+        with file.open("rb") as stream:
+            size = file.stat().st_size
+            digest.update(stream.read(SAMPLE))
+            stream.seek(max(0, size - SAMPLE))
+            digest.update(stream.read(SAMPLE))
+        total += size
+    return f"{total} bytes ({digest.hexdigest()[:8]})"
 
 
 def content_digest(path: Path) -> str:

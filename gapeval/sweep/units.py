@@ -8,10 +8,12 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from gapeval.errors import LogError
 from gapeval.frame import Frame
 from gapeval.labels import Labels
-from gapeval.logs.read import Recording, RefusedScan, frame_digest, is_costly_to_open, read_frames
+from gapeval.logs.read import LOST, Recording, RefusedScan, frame_digest, is_costly_to_open, read_frames
 from gapeval.sweep.evaluation import Answers, Question, evaluate
+from gapeval.sweep.provenance import content_sample
 
 UNITS = 64  # of a sweep; never by the number of workers, so that another number finds the same units
 LARGEST_UNIT = 16  # frames; small enough that little is lost, and that a part fits in memory
@@ -21,12 +23,18 @@ COSTLY_UNITS, LARGEST_COSTLY_UNIT = 16, 64
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """A whole sweep. names: what each log is called in the results. labels: of each recording, or None."""
+    """A whole sweep. names: what each log is called in the results. labels: of each recording, or None.
+
+    keys: what the parts of each recording are made from, see results.parts. contents: a sample of each log,
+    by which it is noticed if that changes; none where it need not be.
+    """
 
     recordings: tuple[Recording, ...]
     names: tuple[str, ...]
     labels: tuple[Labels | None, ...]
     question: Question
+    keys: tuple[str, ...] = ()
+    contents: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +96,10 @@ def _size(frames: int, units: int, largest: int) -> int:
 
 
 def run_unit(task: Task, unit: Unit, stopped: Callable[[], bool]) -> Iterator[EvaluatedFrame]:
-    """Read and evaluate the frames of one unit. Raises StoppedError between two frames."""
+    """Read and evaluate the frames of one unit.
+
+    Raises StoppedError between two frames, and LogError if the log has changed meanwhile.
+    """
     span, chosen = unit.span, task.question.configurations
     recording, labels = task.recordings[span.recording], task.labels[span.recording]
     question = replace(task.question, configurations=tuple(chosen[index] for index in unit.configurations))
@@ -106,8 +117,17 @@ def run_unit(task: Task, unit: Unit, stopped: Callable[[], bool]) -> Iterator[Ev
                     answers=answers,
                     spent={"read": [read]} | spent,
                 )
+            elif frame.reason == LOST:
+                raise _changed(recording)
             else:
                 yield EvaluatedFrame(frame.stamp, refusal=str(frame))
+    if task.contents and content_sample(recording.path) != task.contents[span.recording]:
+        raise _changed(recording)
+
+
+def _changed(recording: Recording) -> LogError:
+    what = "has changed since the sweep began" if recording.path.exists() else "no such file any more"
+    return LogError(f"{recording.path}: {what}; keep it as it is while it is swept")
 
 
 def read_ahead(recording: Recording, span: Span) -> Generator[tuple[Frame | RefusedScan, float], None, None]:

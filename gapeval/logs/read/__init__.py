@@ -2,11 +2,12 @@
 
 from gapeval.logs.read.description import Description, describe, render
 from gapeval.logs.read.opening import is_costly_to_open
-from gapeval.logs.read.playback import frame_digest, read_frames
+from gapeval.logs.read.playback import LOST, frame_digest, read_frames
 from gapeval.logs.read.preparation import read_recording
 from gapeval.logs.read.recording import Recording, RefusedScan, Scans
 
 __all__ = [
+    "LOST",
     "Description",
     "Recording",
     "RefusedScan",
