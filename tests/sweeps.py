@@ -9,7 +9,14 @@ from pathlib import Path
 FILES = ("summary.csv", "frames.csv", "labels.csv", "gaps.csv", "config.yaml", "manifest.json")
 GRID = ("-p", "delta_r=1.03,1.05", "-p", "n_o=0,1", "-p", "pl_th=0.05,0.1", "--gaps")
 # Long enough to be killed in the middle.
-MANY = ("-p", "delta_r=" + ",".join(f"{1.02 + step / 1000}" for step in range(60)), "-p", "n_o=0,1,2")
+MANY = (
+    "-p",
+    "delta_r=" + ",".join(f"{1.02 + step / 1000}" for step in range(60)),
+    "-p",
+    "n_o=0,1,2",
+    "-p",
+    "pl_th=0.05,0.1",
+)
 
 
 def bytes_of(folder: Path) -> dict[str, bytes]:

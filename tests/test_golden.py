@@ -173,7 +173,7 @@ def sweep(folder, suffix, output):
     planned = plan(config, [read_recording(log, config.log)], [labels])
     with locked(output) as parts:
         begun = begin(planned, parts)
-        workers = in_this_process(make_part, planned.task)
+        workers = in_this_process(make_part, begun.sweep.task)
         assert list(evaluate_missing(begun, workers, lambda _: None)) == []
         return write_results(begun, [], output).store
 

@@ -38,16 +38,17 @@ def files_of(path: Path) -> list[Path]:
 
 def content_sample(path: Path) -> str:
     """Size, and a digest of the beginning and end of its files: cheap, and different for another log."""
-    if not path.exists():
-        return MISSING
     digest, total = hashlib.sha256(), 0
-    for file in files_of(path):
-        with file.open("rb") as stream:
-            size = file.stat().st_size
-            digest.update(stream.read(SAMPLE))
-            stream.seek(max(0, size - SAMPLE))
-            digest.update(stream.read(SAMPLE))
-        total += size
+    try:
+        for file in files_of(path):
+            with file.open("rb") as stream:
+                size = file.stat().st_size
+                digest.update(stream.read(SAMPLE))
+                stream.seek(max(0, size - SAMPLE))
+                digest.update(stream.read(SAMPLE))
+            total += size
+    except FileNotFoundError:
+        return MISSING
     return f"{total} bytes ({digest.hexdigest()[:8]})"
 
 
