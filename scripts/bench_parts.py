@@ -334,7 +334,7 @@ def containers(bench: Bench, log: Log, pinned: str) -> Iterator[Finding]:
     for container, path in log.files.items():
         recording = read_recording(path, load_config(log.config).log)
         clouds = len(recording.scans)
-        task = Task((recording,), (path.name,), (log.labels,), asked)
+        task = Task((recording,), (path.name,), (log.labels,), asked, keys=("bench",))
         times: dict[str, list[float]] = defaultdict(list)
         for _ in range(2 * bench.effort.repetitions):
             alone, swept = read_and_sweep(task)
