@@ -17,7 +17,9 @@ from gapeval.detection.contours import Gaps
 from gapeval.detection.surface import Mask
 from gapeval.frame import Frame, Transform
 from gapeval.share import Share
-from gapeval.traversability import assess_each, contour_axes, convex_hulls, interior_axes, poses
+from gapeval.traversability import assess_each
+from gapeval.traversability.axes import contour_axes, convex_hulls, interior_axes
+from gapeval.traversability.crossings import poses
 
 QUICK = settings(max_examples=40, deadline=None, derandomize=True)
 MOUNT = naive.Mount((0.2, 0.0, 0.6), (0.0, math.sin(0.05), 0.0, math.cos(0.05)))  # on the x axis, pitched

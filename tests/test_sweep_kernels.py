@@ -17,7 +17,7 @@ from gapeval.ragged import distinct, spans
 from gapeval.scoring.match import match, match_each
 from gapeval.scoring.overlap import area_within, areas_within, pieces
 from gapeval.scoring.scene import SLIVER
-from gapeval.traversability import area_moments
+from gapeval.traversability.axes import area_moments
 from gapeval.visibility import AZIMUTH_STEP, shadow
 
 RANDOM = settings(

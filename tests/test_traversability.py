@@ -17,16 +17,16 @@ from gapeval.detection.grid import cell_polygons, midpoints, polar_grid
 from gapeval.detection.surface import Mask, Surface
 from gapeval.detections import Crossing
 from gapeval.frame import Plane, robot_plane
-from gapeval.traversability import (
+from gapeval.traversability import by_gap
+from gapeval.traversability.axes import (
     Axes,
     area_moments,
-    by_gap,
     contour_axes,
     convex_hulls,
     interior_axes,
-    poses,
     uniform_cloud,
 )
+from gapeval.traversability.crossings import poses
 
 QUICK = settings(max_examples=60, deadline=None, derandomize=True)
 GRID = polar_grid(121, 120, 1.02, 4.0, (0.0, 0.0))

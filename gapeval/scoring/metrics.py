@@ -176,9 +176,3 @@ def figures(sums: Sums) -> dict[str, float | None]:
     """Every metric of these sums; None where it is undefined."""
     complete = dict.fromkeys(SUMS, 0.0) | dict(sums)
     return {metric.name: metric.figure(complete) for metric in METRICS}
-
-
-def add(total: dict[str, float], frame: Sums) -> None:
-    """Add one frame's sums to a total; what a frame does not have adds nothing."""
-    for name, value in frame.items():
-        total[name] = total.get(name, 0) + value
