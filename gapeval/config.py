@@ -333,7 +333,7 @@ def load_config(path: Path | None, assignments: Iterable[str] = (), **explicit: 
     source = "configuration"
     if path is not None:
         source = str(path)
-        values = _read_yaml(path)
+        values = read_yaml(path)
         # The file by itself first, so that an error in it is not blamed on an option.
         _parse(values | {"grid": {}}, source)
     grid = values.get("grid") or {}
@@ -411,7 +411,8 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def _read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The sections of a YAML file. Raises ConfigError."""
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), _Loader)
     except OSError as error:

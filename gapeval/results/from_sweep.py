@@ -32,7 +32,7 @@ from gapeval.sweep.evaluation import Question
 from gapeval.sweep.executor import Finished, Workers, results
 from gapeval.sweep.grid import configurations
 from gapeval.sweep.provenance import content_digest, content_sample
-from gapeval.sweep.units import Span, Task, split
+from gapeval.sweep.units import Span, Task, Unit, split
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -126,8 +126,8 @@ def begin(sweep: Sweep, parts: Path) -> Begun:
 
 
 def evaluate_missing(
-    begun: Begun, workers: Workers, advance: Callable[[int], object]
-) -> Generator[Finished, None, None]:
+    begun: Begun, workers: Workers[Unit], advance: Callable[[int], object]
+) -> Generator[Finished[Unit], None, None]:
     """Evaluate what is not there and keep each part as it comes; yields the units that failed.
 
     advance: called with the frames of each unit. Raises GapevalError where a part cannot be written.
@@ -144,7 +144,7 @@ def evaluate_missing(
                 yield one
 
 
-def write_results(begun: Begun, failed: Sequence[Finished], folder: Path) -> Outcome:
+def write_results(begun: Begun, failed: Sequence[Finished[Unit]], folder: Path) -> Outcome:
     """The result files, from all parts, one span at a time. Spans of which a unit failed are left out."""
     sweep, task = begun.sweep, begun.sweep.task
     lost = {one.unit.span for one in failed}
@@ -193,7 +193,7 @@ def _merge(begun: Begun, span: Span, ids: Sequence[str], tally: LogTally, store:
         store.time(name, [(part.spent[frame], len(part.ids)) for part in unit.parts])
 
 
-def _failure(task: Task, failed: Finished) -> dict[str, Any]:
+def _failure(task: Task, failed: Finished[Unit]) -> dict[str, Any]:
     """An entry of the manifest."""
     span = failed.unit.span
     stamps = task.recordings[span.recording].scans.stamps[span.first : span.last].tolist()
@@ -206,7 +206,7 @@ def _failure(task: Task, failed: Finished) -> dict[str, Any]:
     }
 
 
-def reason(failed: Finished) -> str:
+def reason(failed: Finished[Unit]) -> str:
     """Why a unit failed, in one line."""
     text = " ".join(str(failed.error).split())
     return text if isinstance(failed.error, GapevalError) else f"{type(failed.error).__name__}: {text}"
