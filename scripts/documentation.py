@@ -122,7 +122,7 @@ def columns() -> str:
     }
     parts, meanings = [], tables.meanings()
     for file, names in files.items():
-        here = meanings | {"gaps": "gaps that belong to the label"} if file == "labels.csv" else meanings
+        here = meanings | tables.label_meanings() if file == "labels.csv" else meanings
         rows = "\n".join(f"| `{name}` | {cell(here[name])} |" for name in names)
         parts.append(f"## {file}\n\n| column | meaning |\n|---|---|\n{rows}\n")
     return "\n".join(parts)

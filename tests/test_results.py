@@ -21,7 +21,8 @@ from gapeval.results.from_detections import at_labelled_stamps, score_detections
 from gapeval.results.from_sweep import log_names
 from gapeval.results.store import open_store
 from gapeval.results.tables import Point, cell, point
-from gapeval.scoring.match import LabelScore, score
+from gapeval.scoring.label_score import LabelScore
+from gapeval.scoring.match import score
 from gapeval.scoring.metrics import METRICS, SUMS, WITHOUT_LABELS, figures
 from gapeval.scoring.scene import View, common_domain, scene
 from gapeval.sweep.evaluation import Answers, GapAnswer, Question, detected, evaluate, rescored
@@ -55,7 +56,9 @@ def unlabelled(gaps=3):
 def together(answers):
     """The answers of several configurations for one frame."""
     sums, labels, fallbacks, gaps = zip(*answers, strict=True)
-    return Answers(np.array([[one.get(name, 0.0) for name in SUMS] for one in sums]), labels, fallbacks, gaps)
+    added = np.array([[one.get(name, 0.0) for name in SUMS] for one in sums])
+    hits = np.zeros((len(answers), 0), dtype=np.bool_)
+    return Answers(added, labels, fallbacks, gaps, (), hits)
 
 
 def alone(answers, row=0):
@@ -83,10 +86,12 @@ COUNTED = [
     *("frames", "scored_frames", "empty_frames", "gaps", "traversable_npca", "traversable_pca"),
     *("plane_fallbacks", "asked", "hits", "tp", "fp", "fn", "false_gaps", "ignored", "not_counted"),
 ]
-# DESIGN.md also has near_edge_median and near_edge_max, which are not built yet.
 LABEL_COLUMNS = [
     *("log", "stamp", "configuration", "label", "state", "range", "length", "visible_area"),
     *("covered_area", "iou", "hit", "gaps"),
+    *("near_edge_median", "near_edge_max", "near_edge_rays", "near_edge_missed", "bearing", "width", "area"),
+    *("npca_traversable", "npca_length_error", "npca_yaw_error"),
+    *("pca_traversable", "pca_length_error", "pca_yaw_error", "axis_angle"),
 ]
 
 
@@ -158,8 +163,12 @@ def test_fields(value, text):
     assert cell(value) == text
 
 
-LABEL = LabelScore("t", "partly", 0.1 + 0.2, None, 2.0, 1.0, 1 / 3, True, 2)
-HIDDEN = LabelScore("h", "shadowed", 4.0, 0.5, 0.0, None, None, None, None)
+LABEL = LabelScore(
+    *("t", "partly", 0.1 + 0.2, None, 2.0, 1.0, 1 / 3, True, 2),
+    *(-0.25, 0.5, 12, 3, -0.1, 0.6, 2.5),
+    *(False, 0.125, None, True, -0.5, 0.25, 1.5),
+)
+HIDDEN = LabelScore("h", "shadowed", 4.0, 0.5, 0.0, None, None, None, None, bearing=0.5, width=0.5, area=1.0)
 
 
 def test_rows_of_labels(tmp_path):
@@ -176,14 +185,30 @@ def test_rows_of_labels(tmp_path):
         "iou": repr(1 / 3),
         "hit": "true",
         "gaps": "2",
+        "near_edge_median": "-0.25",
+        "near_edge_max": "0.5",
+        "near_edge_rays": "12",
+        "near_edge_missed": "3",
+        "bearing": "-0.1",
+        "width": "0.6",
+        "area": "2.5",
+        "npca_traversable": "false",
+        "npca_length_error": "0.125",
+        "npca_yaw_error": "",
+        "pca_traversable": "true",
+        "pca_length_error": "-0.5",
+        "pca_yaw_error": "0.25",
+        "axis_angle": "1.5",
     }
-    empty = dict.fromkeys(("covered_area", "iou", "hit", "gaps"), "")
-    assert second == shown | empty | {
+    assert second == shown | dict.fromkeys(LABEL_COLUMNS[8:], "") | {
         "label": "h",
         "state": "shadowed",
         "range": "4.0",
         "length": "0.5",
         "visible_area": "0.0",
+        "bearing": "0.5",
+        "width": "0.5",
+        "area": "1.0",
     }
 
 

@@ -1,12 +1,12 @@
 """The columns of the CSV files; names are the same in every file and in docs/results.md."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from gapeval.config import Configuration, CrossingRules, Detector, limits
 from gapeval.detections import METHODS, crossing_properties
-from gapeval.scoring.match import LabelScore
+from gapeval.scoring.label_score import LabelScore
 from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS
 from gapeval.sweep.evaluation import GapAnswer
 
@@ -20,20 +20,7 @@ METRIC_NAMES = tuple(metric.name for metric in METRICS)
 
 SUMMARY = ("log", "configuration", *PARAMETERS, "best", *METRIC_NAMES, *COUNTS)
 FRAMES = ("log", "stamp", "configuration", "plane_fallback", *SUMS)
-LABELS = (
-    "log",
-    "stamp",
-    "configuration",
-    "label",
-    "state",
-    "range",
-    "length",
-    "visible_area",
-    "covered_area",
-    "iou",
-    "hit",
-    "gaps",
-)
+LABELS = ("log", "stamp", "configuration", *(field.name for field in fields(LabelScore)))
 POSITIONS = tuple(f"{spot}_{axis}" for spot in ("centre", "start", "end") for axis in "xyz")
 CROSSING_COLUMNS = tuple(
     f"{method}_{name}"
@@ -62,6 +49,11 @@ def meanings() -> dict[str, str]:
         "covered_area": "m2, covered by gaps",
         "iou": "largest IoU with one gap",
         "hit": "whether it was hit; empty if it was not asked for",
+        "near_edge_median": "m, how late the near edge is seen, median over rays; negative: early",
+        "near_edge_max": "m, how late the near edge is seen, largest over rays",
+        "near_edge_rays": "rays through the visible label, every half degree",
+        "bearing": "rad, from below the sensor to that nearest point, robot frame; left is positive",
+        "width": "m, the label's own length, else the least width of its convex hull",
         "gap": "the gap's index in its frame, near gaps first",
         "area": "m2",
         "stage": "a step, by its function; `read`: a cloud; `view`, `scene`: domain, shadow, labels",
@@ -81,6 +73,24 @@ def meanings() -> dict[str, str]:
             f"{method}_tie": "the shape has no direction of its own",
         }
         found |= {f"{method}_{name}": "m, robot frame" for name in POSITIONS}
+    return found
+
+
+def label_meanings() -> dict[str, str]:
+    """What columns of labels.csv mean that are called the same in other files."""
+    found = {
+        "gaps": "gaps that belong to the label",
+        "area": "m2, of the whole label",
+        "covered_area": "m2, the part of visible_area that gaps cover",
+        "near_edge_missed": "rays of near_edge_rays on which nothing that belongs to the label was found",
+        "axis_angle": "rad, between the axes of npca and pca, of the gap that overlaps the label best",
+    }
+    for method in METHODS:
+        found |= {
+            f"{method}_traversable": "may the robot cross the gap that overlaps it best, if it was hit",
+            f"{method}_length_error": "m, that gap's length - the label's; positive: too long",
+            f"{method}_yaw_error": "rad, axial angle between that gap's way and the label's crossing_yaw",
+        }
     return found
 
 
