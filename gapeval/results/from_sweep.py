@@ -85,11 +85,16 @@ class Outcome:
 
 
 def plan(
-    config: Config, recordings: Sequence[Recording], labels: Sequence[Labels], keep_gaps: bool = False
+    config: Config,
+    recordings: Sequence[Recording],
+    labels: Sequence[Labels],
+    keep_gaps: bool = False,
+    names: Sequence[str] = (),
 ) -> Sweep:
     """Raises GapevalError where logs, labels and configuration do not go together.
 
-    labels: none, one for all recordings, or one for each.
+    labels: none, one for all recordings, or one for each. names: of the logs in the results, by default
+    their paths; needed where a log is read in several ways.
     """
     if len(labels) not in (0, 1, len(recordings)):
         raise ConfigError(
@@ -100,8 +105,8 @@ def plan(
         require_frames(drawn, recording.robot_frame, recording.fixed_frame)
     found = configurations(config)
     question = Question(found, config.scoring, *common_domain(found, config.scoring), keep_gaps)
-    names = log_names([recording.path for recording in recordings])
-    task = Task(tuple(recordings), names, tuple(each) or (None,) * len(recordings), question)
+    called = tuple(names) or log_names([recording.path for recording in recordings])
+    task = Task(tuple(recordings), called, tuple(each) or (None,) * len(recordings), question)
     return Sweep(config, tuple(labels), task)
 
 

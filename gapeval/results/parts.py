@@ -113,6 +113,8 @@ def keys(task: Task, config: Config, log_digests: Sequence[str]) -> tuple[str, .
                 recording.fixed_frame,
                 recording.sensor_frame,
                 recording.lowest_elevation,
+                recording.pose_error and recording.pose_error.model_dump(),
+                recording.pose_noise and recording.pose_noise.model_dump(),
             ],
             "stamps": hashlib.sha256(recording.scans.stamps.tobytes()).hexdigest(),
             "labels": None if labels is None else labels.sha256,

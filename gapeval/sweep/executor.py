@@ -70,9 +70,7 @@ def results(workers: Workers[U], units: Sequence[U]) -> Generator[Finished[U], N
                 suspects.clear()
 
 
-def _work_off(
-    submit: Submit[U], waiting: deque[U], at_once: int
-) -> Generator[Finished[U], None, list[U]]:
+def _work_off(submit: Submit[U], waiting: deque[U], at_once: int) -> Generator[Finished[U], None, list[U]]:
     """Until no unit is waiting or a worker dies; returns the units that were in hands then."""
     pending: dict[Future[bytes], U] = {}
     lost: list[U] = []

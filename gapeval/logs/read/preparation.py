@@ -105,10 +105,10 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
     )
     if math.isnan(recording.lowest_elevation):
         recording = replace(recording, lowest_elevation=measure_lowest_elevation(recording))
-    return _erring(recording, settings)
+    return erring(recording, settings)
 
 
-def _erring(recording: Recording, settings: LogSection) -> Recording:
+def erring(recording: Recording, settings: LogSection) -> Recording:
     """With the errors of poses that are asked for; after all that is measured of the true ones."""
     error, noise = errors_asked(settings)
     scans = recording.scans
