@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from gapeval.config import Config, LogSection, PoseError, PoseNoise, dotted_key, validation_message
 from gapeval.errors import ConfigError
+from gapeval.simulate.layouts import ROUGH
 from gapeval.simulate.sensors import SENSORS
 from gapeval.simulate.simulation import Simulation, simulation
 from gapeval.simulate.variation import Variation
@@ -130,7 +131,12 @@ def _sources(
     if given is not None:
         yield given.log.name, 0, given
         return
-    variation = Variation(**{key: value for key, value in varied.items() if key in OF_SCENES})  # type: ignore[arg-type]
+    values = {
+        key: value
+        for key, value in varied.items()
+        if key in OF_SCENES and (key, value) != ("roughness", ROUGH)
+    }
+    variation = Variation(**values)  # type: ignore[arg-type]
     for scene in run.scenes:
         for seed in range(run.seeds):
             yield scene, seed, Recipe(scene, run.sensor, run.frames, seed, variation)

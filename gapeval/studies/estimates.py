@@ -67,6 +67,13 @@ def percentiles(draws: FloatArray) -> tuple[float | None, float | None]:
     return low, high
 
 
+def of_logs(values: FloatArray, figure: Callable[..., Any]) -> Estimate:
+    """A figure of values (L,), one for each log, resampled by logs where there are enough of them."""
+    if len(values) < LOGS:
+        return Estimate(float(figure(values)))
+    return of_frames(values, figure)
+
+
 def of_frames(values: FloatArray, figure: Callable[..., Any]) -> Estimate:
     """A figure of values (F,), one for each frame, resampled by frames."""
     random = np.random.default_rng(SEED)

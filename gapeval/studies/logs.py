@@ -32,7 +32,7 @@ def make(recipe: Recipe, folder: Path) -> None:
     """Simulate a log; it counts as there only when it is whole."""
     home = folder / LOGS / recipe.name
     make_folder(home)
-    for path in (home / MADE_BY, home / LABELS):
+    for path in (home / MADE_BY, home / LABELS, log_path(home, recipe.scene, CONTAINER)):
         path.unlink(missing_ok=True)
     write_simulation(recipe.simulation(), home, CONTAINER, lambda: None)
     write_whole(home / MADE_BY, _made_by().encode())

@@ -86,7 +86,7 @@ def read_tables(planned: Planned, folder: Path) -> Tables:
 def read(path: Path) -> pd.DataFrame:
     """A result file, every figure as it was."""
     names = {"log": str, "configuration": str, "label": str, "stamp": np.int64}
-    return pd.read_csv(path, dtype=names, float_precision="round_trip", keep_default_na=False, na_values=[""])
+    return pd.read_csv(path, dtype=names, keep_default_na=False, na_values=[""])
 
 
 def _placed(table: pd.DataFrame, place: dict[tuple[str, int], int], ids: list[str]) -> pd.DataFrame:

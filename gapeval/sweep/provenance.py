@@ -14,7 +14,7 @@ MISSING = "missing"
 SAMPLE = 1 << 16  # bytes of each end
 PACKAGE = Path(__file__).parent.parent
 DECIDES_NOTHING = ("cli", "report", "studies", "simulate")  # of a sweep's results
-DECIDES_LOGS = ("simulate", "logs", "labels.py", "frame.py", "config.py")  # that are simulated
+DECIDES_LOGS = ("simulate", "logs", "labels.py", "frame.py")  # that are simulated
 
 
 def versions() -> dict[str, str]:
