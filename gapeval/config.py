@@ -298,6 +298,8 @@ class Scoring(Section):
     """m above the plane; what is higher throws a shadow"""
     ceiling: Positive = 2.0
     """m above the plane; what is higher throws none"""
+    block: Positive = 2.0
+    """s, how long what a frame shows is like what the last one showed: of the intervals; see scoring.md"""
 
 
 class Configuration(Section):

@@ -27,7 +27,10 @@ from gapeval.scoring.metrics import METRICS, SUMS, WITHOUT_LABELS, figures
 from gapeval.scoring.scene import View, common_domain, scene
 from gapeval.sweep.evaluation import Answers, GapAnswer, Question, detected, evaluate, rescored
 
-FILES = ("summary.csv", "frames.csv", "labels.csv", "timing.csv", "config.yaml", "manifest.json")
+FILES = (
+    *("summary.csv", "frames.csv", "labels.csv", "hits.csv", "approaches.csv", "timing.csv"),
+    *("config.yaml", "manifest.json"),
+)
 MANIFEST = {"gapeval": "0", "logs": []}
 POINTS = [point(Configuration(detector=Detector(n_o=number))) for number in (0, 1, 2)]
 
@@ -68,7 +71,8 @@ def alone(answers, row=0):
 
 def write(folder, frames, points=POINTS, logs=("a.bag",), with_gaps=False, config=None):
     """Result files of frames: (log, stamp, answers)."""
-    with open_store(folder, points, with_gaps) as store:
+    timelines = {name: np.array([stamp for log, stamp, _ in frames if log == name]) for name, _, _ in frames}
+    with open_store(folder, points, timelines, 2.0, with_gaps) as store:
         for log, stamp, answers in frames:
             store.add(log, stamp, together(answers), {"detect": [0.25, 0.75], "read": [0.5]})
         store.finish((config or Config()).to_yaml(), MANIFEST, logs)
@@ -98,7 +102,9 @@ LABEL_COLUMNS = [
 def test_columns_are_the_documented_ones(tmp_path):
     write(tmp_path, [("a.bag", 1, [unlabelled()] * 3)], with_gaps=True)
     names = [metric.name for metric in METRICS]
-    summary = ["log", "configuration", *PARAMETERS, "best", *names, *COUNTED]
+    each = [column for name in names for column in (name, f"{name}_low", f"{name}_high")]
+    approached = ["first_hit_range", "towards_missed"]
+    summary = ["log", "configuration", *PARAMETERS, "best", *each, *approached, *COUNTED]
     assert header(tmp_path / "summary.csv") == summary
     assert header(tmp_path / "frames.csv") == ["log", "stamp", "configuration", "plane_fallback", *SUMS]
     assert header(tmp_path / "labels.csv") == LABEL_COLUMNS
@@ -110,7 +116,7 @@ def test_columns_are_the_documented_ones(tmp_path):
 
 
 def test_no_column_is_there_twice_and_each_has_a_meaning():
-    for columns in (tables.SUMMARY, tables.FRAMES, tables.LABELS, tables.GAPS, tables.TIMING):
+    for columns in tables.FILES.values():
         assert len(set(columns)) == len(columns)
         assert all(tables.meanings()[name] for name in columns)
 
@@ -353,7 +359,7 @@ def test_files_appear_only_if_the_block_ends_well(tmp_path, error):
     folder = tmp_path / "new"
 
     def interrupted():
-        with open_store(folder, POINTS) as store:
+        with open_store(folder, POINTS, {"a.bag": np.array([1])}, 2.0) as store:
             store.add("a.bag", 1, together([answer()] * 3), {})
             assert not any((folder / name).exists() for name in FILES)
             raise error
@@ -368,7 +374,7 @@ def test_an_older_result_stays_until_the_new_one_is_complete(tmp_path):
     before = {name: (tmp_path / name).read_bytes() for name in FILES}
 
     def interrupted():
-        with open_store(tmp_path, POINTS) as store:
+        with open_store(tmp_path, POINTS, {"a.bag": np.array([1])}, 2.0) as store:
             store.add("a.bag", 1, together([answer(hits=2)] * 3), {})
             assert {name: (tmp_path / name).read_bytes() for name in FILES} == before
             raise BreakOffError
@@ -407,7 +413,7 @@ def test_a_single_file_is_whole_or_not_there(tmp_path):
 def test_a_folder_that_cannot_be_written_is_named_in_one_line(tmp_path):
     (tmp_path / "file").write_text("in the way")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(GapevalError) as caught, open_store(folder, POINTS):
+        with pytest.raises(GapevalError) as caught, open_store(folder, POINTS, {"a.bag": np.array([1])}, 2.0):
             pass
         assert str(caught.value).startswith(f"{folder}: cannot write here: ")
         assert str(caught.value).endswith("choose another folder")
@@ -416,7 +422,7 @@ def test_a_folder_that_cannot_be_written_is_named_in_one_line(tmp_path):
 
 def test_an_error_of_reading_is_not_blamed_on_the_folder(tmp_path):
     def reading():
-        with open_store(tmp_path, POINTS):
+        with open_store(tmp_path, POINTS, {"a.bag": np.array([1])}, 2.0):
             (tmp_path / "drive.bag").read_bytes()
 
     with pytest.raises((OSError, GapevalError)) as caught:

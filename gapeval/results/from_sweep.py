@@ -156,7 +156,11 @@ def write_results(begun: Begun, failed: Sequence[Finished[Unit]], folder: Path) 
     tallies = [LogTally(dict(recording.refused)) for recording in task.recordings]
     points = [point(configuration) for configuration in task.question.configurations]
     ids = [one.id for one in points]
-    with open_store(folder, points, task.question.keep_gaps) as store:
+    timelines = {
+        name: recording.scans.stamps for name, recording in zip(task.names, task.recordings, strict=True)
+    }
+    block = sweep.config.scoring.block
+    with open_store(folder, points, timelines, block, task.question.keep_gaps) as store:
         for span in begun.spans:
             if span not in lost:
                 _merge(begun, span, ids, tallies[span.recording], store)
@@ -194,7 +198,9 @@ def _merge(begun: Begun, span: Span, ids: Sequence[str], tally: LogTally, store:
         store.write(file, rows)
     for frame, digest in enumerate(unit.first.digests):
         tally.add(digest, int(unit.first.points[frame]), int(unit.first.dropped[frame]))
-        store.count(name, unit.sums[frame])
+        store.count(
+            name, int(unit.first.stamps[frame]), unit.sums[frame], unit.first.asked[frame], unit.hits[frame]
+        )
         store.time(name, [(part.spent[frame], len(part.ids)) for part in unit.parts])
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gapeval.frame import FloatArray
 
@@ -233,7 +234,7 @@ METRICS: tuple[Metric, ...] = (
 )
 
 
-def figure(metric: Metric, sums: Mapping[str, FloatArray | float]) -> FloatArray:
+def figure(metric: Metric, sums: Mapping[str, NDArray[np.floating] | float]) -> FloatArray:
     """A metric of sums (...) by name; NaN where it is undefined."""
     above, below = _times(metric.above, sums), _times(metric.below, sums)
     undefined = np.full(np.broadcast(above, below).shape, np.nan)
@@ -241,7 +242,7 @@ def figure(metric: Metric, sums: Mapping[str, FloatArray | float]) -> FloatArray
     return found
 
 
-def _times(weights: Mapping[str, float], sums: Mapping[str, FloatArray | float]) -> FloatArray:
+def _times(weights: Mapping[str, float], sums: Mapping[str, NDArray[np.floating] | float]) -> FloatArray:
     (name, weight), *others = weights.items()
     total = weight * np.asarray(sums[name], dtype=np.float64)
     for name, weight in others:
