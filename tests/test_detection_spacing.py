@@ -195,7 +195,7 @@ def naive_ratio(params, r, spacing):
         total, so_far = sum(length for _, length in parts), 0.0
         for distance, length in parts:
             so_far += length
-            if so_far >= total / 2:
+            if so_far >= total * (1 - 1e-9) / 2:
                 ratios.append((high - low) / distance)
                 break
     return np.median(ratios) if ratios else math.nan

@@ -21,6 +21,7 @@ COLUMN = 3  # echoes that a column has where the sensor has columns
 # Distances on each side that one is held against: more than echoes of one ring that share a sector.
 NEIGHBOURS = 5
 TOO_FAR = 5.0  # times the distances beside it; no sensor's rings grow as fast
+ROUNDING = 1e-9  # of a row's length
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +142,8 @@ def _in_rows(edges: FloatArray, r: FloatArray, spacing: FloatArray) -> FloatArra
     row, length, distance = row[order], length[order], spacing[which][order]
     in_row = np.bincount(row, weights=length, minlength=rows)
     before = (np.cumsum(in_row) - in_row)[row]
-    half = np.flatnonzero(np.cumsum(length) - before >= in_row[row] / 2)
+    enough = in_row[row] * (0.5 - ROUNDING)  # of two that cover a row alike, the lesser
+    half = np.flatnonzero(np.cumsum(length) - before >= enough)
     found, at = np.unique(row[half], return_index=True)
     medians = np.full(rows, np.nan)
     medians[found] = distance[half[at]]
