@@ -12,7 +12,7 @@ from gapeval.errors import ConfigError
 from gapeval.frame import FloatArray
 from gapeval.scoring.metrics import METRICS
 from gapeval.studies.definition import Claim, Figure, Study, Value, Where
-from gapeval.studies.estimates import NOTHING, Estimate, percentiles
+from gapeval.studies.estimates import NOTHING, Estimate, of_draws
 from gapeval.studies.rows import ALL, Row
 
 HOLDS, PARTLY, DOES_NOT, NOT_MEASURED = "holds", "holds partly", "does not hold", "not measured"
@@ -157,7 +157,7 @@ def combined(one: Estimate, other: Estimate, operation: Callable[[Any, Any], Any
         return Estimate(value)
     with np.errstate(divide="ignore", invalid="ignore"):
         draws = np.asarray(operation(one.draws, other.draws), dtype=np.float64)
-    return Estimate(value, *percentiles(draws), draws)
+    return of_draws(value, draws)
 
 
 def best(rows: Sequence[Row], column: str, of: str) -> Estimate:
@@ -175,7 +175,7 @@ def best(rows: Sequence[Row], column: str, of: str) -> Estimate:
     table = sign * np.array(draws)
     defined = np.isfinite(table).any(axis=0)
     chosen = at[np.argmax(np.where(np.isfinite(table), table, -np.inf)[:, defined], axis=0)]
-    return Estimate(value, *percentiles(chosen), chosen if defined.all() else None)
+    return of_draws(value, chosen)
 
 
 def straightness(rows: Sequence[Row], column: str, of: str) -> Estimate:
@@ -210,7 +210,7 @@ def weighed(rows: Sequence[Row], column: str) -> Estimate:
     if any(one.draws is None for one in (*true, *false)):
         return Estimate(value)
     draws = probability(*(np.array([one.draws for one in group]) for group in (true, false)))
-    return Estimate(value, *percentiles(draws), draws)
+    return of_draws(value, draws)
 
 
 def _one(rows: Sequence[Row], where: Where) -> Row:

@@ -3,7 +3,7 @@
 import csv
 import io
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from gapeval.config import Configuration
 from gapeval.ragged import IndexArray
 from gapeval.results.tables import PARAMETERS, cell, parameters
 from gapeval.studies.cases import Planned
-from gapeval.studies.definition import Study, Value
+from gapeval.studies.definition import Claim, Study, Value
 from gapeval.studies.estimates import NOTHING, Estimate, estimates
 from gapeval.studies.tally import Tables, Tally, by_gap_range, by_labels, letter
 from gapeval.sweep.grid import configurations
@@ -32,8 +32,8 @@ class Row:
 
 def rows_of(planned: Planned, study: Study, tables: Tables) -> Iterator[Row]:
     """For each scene, and all, under each combination of conditions: a row for each configuration."""
-    found = configurations(planned.config)
-    about = [about_configuration(configuration) for configuration in found]
+    about = [about_configuration(configuration) for configuration in configurations(planned.config)]
+    wanted = drawn_by(study.claims)
     groups: list[tuple[str, Any, Tally]] = [("", None, tables.whole)]
     for name in study.labels_by:
         groups += [
@@ -45,9 +45,15 @@ def rows_of(planned: Planned, study: Study, tables: Tables) -> Iterator[Row]:
             part = tally.of(np.isin(tally.case, cases))
             if by and not part.sums.any():
                 continue
-            scoring = planned.config.scoring
-            for parameter, (figures, counts) in zip(about, estimates(part, scoring), strict=True):
+            found = estimates(part, planned.config.scoring, wanted)
+            for parameter, (figures, counts) in zip(about, found, strict=True):
                 yield Row({**keys, "by": by or None, "group": group, **parameter}, figures, counts)
+
+
+def drawn_by(claims: Iterable[Claim]) -> set[str]:
+    """The metrics whose draws claims need: of differences, ratios and best values."""
+    figures = [figure for claim in claims for figure in claim.figures.values()]
+    return {figure.of for figure in figures} | {"hit_rate", "fp_per_frame"}
 
 
 def about_configuration(configuration: Configuration) -> dict[str, Value | None]:

@@ -132,11 +132,11 @@ def _label_sums(asked: pd.DataFrame) -> dict[str, NDArray[Any]]:
         "pairs_on_hits": of("gaps") * hit,
         "label_area": of("visible_area"),
         "covered_area": of("covered_area"),
-        "near_edge_labels": asked["near_edge_median"].notna().to_numpy(dtype=np.float64),
-        "near_edge_median_sum": of("near_edge_median"),
-        "near_edge_max_sum": of("near_edge_max"),
-        "near_edge_rays": of("near_edge_rays"),
-        "near_edge_missed_rays": of("near_edge_missed"),
+        "edges": asked["near_edge_median"].notna().to_numpy(dtype=np.float64),
+        "edge_median_sum": of("near_edge_median"),
+        "edge_max_sum": of("near_edge_max"),
+        "edge_rays": of("near_edge_rays"),
+        "edge_rays_missed": of("near_edge_missed"),
         "axis_angles": asked["axis_angle"].notna().to_numpy(dtype=np.float64),
         "axis_angle_sum": of("axis_angle"),
     }
@@ -172,15 +172,14 @@ def by_gap_range(tables: Tables) -> list[tuple[Any, Tally]]:
 def _grouped(
     whole: Tally, rows: pd.DataFrame, group: NDArray[Any], added: dict[str, NDArray[Any]]
 ) -> list[tuple[Any, Tally]]:
-    known = {name: column for name, column in COLUMN.items() if name in added}
     frame = rows["frame"].to_numpy(dtype=np.intp)
     column = rows["column"].to_numpy(dtype=np.intp)
     found = []
     for one in sorted(set(group.tolist())):
         mine = group == one
         sums = np.zeros_like(whole.sums)
-        for name, place in known.items():
-            np.add.at(sums[..., place], (frame[mine], column[mine]), added[name][mine])
+        for name, values in added.items():
+            np.add.at(sums[..., COLUMN[name]], (frame[mine], column[mine]), values[mine])
         labels: list[set[str]] = [set() for _ in whole.stamps]
         if "label" in rows:
             for index, name in zip(frame[mine], rows["label"].to_numpy()[mine], strict=True):
