@@ -60,7 +60,14 @@ def run_studies(
     Raises GapevalError when all is done but for studies that failed.
     """
     said = user.model_dump(mode="json", exclude_unset=True)
-    ready = [_ready(name, said, given, quick) for name in names or NAMES]
+    if names:
+        ready = [_ready(name, said, given, quick) for name in names]
+    else:
+        ready = _those_that_can_be(said, given, quick)
+    varied = {key for one in ready for run in one.runs for key in run.config.grid}
+    for key in user.grid:
+        if key not in varied:
+            say(f"grid.{key}: no study of these varies it; set one value outside of `grid` to have it used")
     if len({one.name for one in ready}) < len(ready):
         raise ConfigError("a study is named twice; name each once")
     make_folder(output)
@@ -70,7 +77,7 @@ def run_studies(
     recordings = Recordings(output, {})
     with locked(output / LOGS), progress_bar("studies", 0, "clouds") as bar:
         lacking = missing([case for one in ready for run in one.runs for case in run.cases], output)
-        bar.total = _clouds(ready, lacking)
+        bar.total = _clouds(ready, lacking, recordings)
         _simulate(lacking, output, jobs, bar)
         for one in ready:
             bar.set_description(f"study {one.name}")
@@ -92,6 +99,19 @@ def run_studies(
         raise GapevalError(f"{len(failed)} of {len(ready)} studies failed; the first: {failed[0]}")
 
 
+def _those_that_can_be(user: dict[str, Any], given: Given | None, quick: bool) -> list[Ready]:
+    """All of ours; of those that cannot be run on a log, it is said why."""
+    ready = []
+    for name in NAMES:
+        try:
+            ready.append(_ready(name, user, given, quick))
+        except ConfigError as error:
+            if given is None:
+                raise
+            say(f"left out: {error}")
+    return ready
+
+
 def _ready(name: str, user: dict[str, Any], given: Given | None, quick: bool) -> Ready:
     called, study = read_study(name)
     check_rules(called, study)
@@ -100,10 +120,16 @@ def _ready(name: str, user: dict[str, Any], given: Given | None, quick: bool) ->
     return Ready(called, study, plan_runs(called, study, user, given))
 
 
-def _clouds(ready: Sequence[Ready], lacking: Sequence[Recipe]) -> int:
-    """How many are to be simulated and evaluated; of a log of the user's, it turns out when it is opened."""
-    recipes = [case.source for one in ready for run in one.runs for case in run.cases]
-    return sum(_frames(recipe) for recipe in (*lacking, *recipes) if isinstance(recipe, Recipe))
+def _clouds(ready: Sequence[Ready], lacking: Sequence[Recipe], recordings: Recordings) -> int:
+    """How many are to be simulated, and evaluated."""
+    return sum(map(_frames, lacking)) + sum(
+        _frames(case.source)
+        if isinstance(case.source, Recipe)
+        else len(recordings.of(case, run.config.log).scans)
+        for one in ready
+        for run in one.runs
+        for case in run.cases
+    )
 
 
 def _frames(recipe: Recipe) -> int:
@@ -139,8 +165,6 @@ def _make(output: Path, recipe: Recipe, _: Callable[[], bool]) -> bytes:
 def _rows(
     one: Ready, recordings: Recordings, output: Path, jobs: int, advance: Callable[[int], object]
 ) -> list[Row]:
-    if not one.runs:
-        raise GapevalError("makes sense on simulated scenes only; leave --log out")
     folder = output / one.name
     return [
         row

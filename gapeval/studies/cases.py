@@ -16,6 +16,7 @@ from gapeval.simulate.sensors import SENSORS
 from gapeval.simulate.simulation import Simulation, simulation
 from gapeval.simulate.variation import Variation
 from gapeval.studies.definition import OF_NOISE, OF_POSES, OF_SCENES, Run, Study, Value, merged
+from gapeval.sweep.grid import configurations
 
 USUAL: dict[str, Value] = {"obstacles": True, "density": 1.0}  # of a log that is taken as it is
 
@@ -87,13 +88,21 @@ class Planned:
 def plan_runs(name: str, study: Study, user: Mapping[str, Any], given: Given | None) -> tuple[Planned, ...]:
     """The runs of a study that can be done. user: what the user's configuration says, which wins.
 
-    Raises ConfigError.
+    Raises ConfigError for one of which no run can be done, or whose grid cannot be.
     """
-    return tuple(
+    runs = tuple(
         Planned(name, run, config_of(name, study, run, user, given), cases_of(run, given), columns_of(study))
         for run in study.runs
         if given is None or not run.simulated
     )
+    if not runs:
+        raise ConfigError(f"study {name}: makes sense on simulated scenes only; leave --log out")
+    for planned in runs:
+        try:
+            configurations(planned.config)
+        except ConfigError as error:
+            raise ConfigError(f"study {name}: {error}; -p sets other values") from error
+    return runs
 
 
 def columns_of(study: Study) -> tuple[str, ...]:
@@ -104,11 +113,17 @@ def columns_of(study: Study) -> tuple[str, ...]:
 
 
 def config_of(name: str, study: Study, run: Run, user: Mapping[str, Any], given: Given | None) -> Config:
-    """The run's over the user's over the study's; and the robot that carries the sensor."""
+    """The run's over the user's over the study's; and the robot that carries the sensor.
+
+    Of the user's grid, only what the study varies.
+    """
     robot = {} if given else {"robot": SENSORS[run.sensor].robot.model_dump(exclude_defaults=True)}
     values = merged(merged(merged(robot, study.config), user), run.config)
     grid = dict(study.grid if run.grid is None else run.grid)
-    values["grid"] = {dotted_key(key): choices for key, choices in grid.items()} | dict(user.get("grid", {}))
+    values["grid"] = {
+        key: user.get("grid", {}).get(key, choices)
+        for key, choices in ((dotted_key(name), choices) for name, choices in grid.items())
+    }
     try:
         return Config.model_validate(values)
     except ValidationError as error:
@@ -151,7 +166,8 @@ def _case(run: Run, varied: Mapping[str, Value], scene: str, seed: int, source: 
     name = source.name if isinstance(source, Recipe) else source.log.name
     suffix = [f"{key} {varied[key]:g}" for key in (*OF_POSES, *OF_NOISE) if key in varied]
     usual: dict[str, Value] = {key: USUAL[key] for key in run.vary if key in USUAL}
-    conditions = {"sensor": run.sensor} | usual | run.conditions | dict(varied)
+    sensor = run.sensor if isinstance(source, Recipe) else "its own"
+    conditions = {"sensor": sensor} | usual | run.conditions | dict(varied)
     return Case(
         ", ".join([name, *suffix]),
         scene,

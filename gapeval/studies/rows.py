@@ -4,13 +4,14 @@ import csv
 import io
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from gapeval.config import Configuration
 from gapeval.ragged import IndexArray
+from gapeval.results.store import BEST
 from gapeval.results.tables import PARAMETERS, cell, parameters
 from gapeval.studies.cases import Planned
 from gapeval.studies.definition import Claim, Study, Value
@@ -78,13 +79,34 @@ def conditions_of(
         yield keys, np.array(cases, dtype=np.intp)
 
 
+def with_best(rows: Sequence[Row]) -> list[Row]:
+    """The rows, the best of each scene and combination of conditions marked; as in a sweep, see BEST."""
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for index, row in enumerate(rows):
+        if row.keys.get("by") is None and row.counts.get("asked"):
+            fixed = {
+                key: value for key, value in row.keys.items() if key not in (*PARAMETERS, "configuration")
+            }
+            groups.setdefault(tuple(fixed.items()), []).append(index)
+    marked = list(rows)
+    for group in groups.values():
+        if len(group) > 1:
+            best = min(group, key=lambda index: _goodness(rows[index]))
+            marked[best] = replace(rows[best], keys={**rows[best].keys, "best": True})
+    return marked
+
+
+def _goodness(row: Row) -> tuple[float, ...]:
+    return tuple(sign * (row.figures[name].value or 0.0) for name, sign in BEST)
+
+
 def csv_text(rows: Sequence[Row], conditions: Sequence[str]) -> str:
     """The rows as CSV: what varies first, then figures each with its interval, then counts.
 
     Columns that are empty in all rows are left out, and so are parameters that are the same in all.
     """
     varied = [name for name in PARAMETERS if len({row.keys.get(name) for row in rows}) > 1]
-    keys = ["scene", *conditions, "by", "group", "configuration", *varied]
+    keys = ["scene", *conditions, "by", "group", "configuration", *varied, "best"]
     keys = [name for name in keys if any(row.keys.get(name) is not None for row in rows)]
     figures = dict.fromkeys(
         name for row in rows for name, one in row.figures.items() if one.value is not None
