@@ -11,6 +11,7 @@ from gapeval.cli.demo import demo
 from gapeval.cli.detect import detect
 from gapeval.cli.info import info
 from gapeval.cli.labels import labels
+from gapeval.cli.report import report
 from gapeval.cli.score import score
 from gapeval.cli.simulate import simulate
 from gapeval.cli.sweep import sweep
@@ -43,7 +44,7 @@ def cli(context: click.Context, debug: bool, verbose: bool) -> None:
     context.obj = {"debug": debug, "verbose": verbose}
 
 
-for _command in (info, detect, score, sweep, labels, simulate, demo):
+for _command in (info, detect, score, sweep, report, labels, simulate, demo):
     cli.add_command(_command)
 
 
