@@ -17,7 +17,11 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Exhibit:
-    """Drawings with one caption. name: for files. source: the CSV file and its rows. table: what is drawn."""
+    """Drawings with one caption.
+
+    name: for files. source: the CSV file and its rows. table: what is drawn; open: it is read as often as the
+    drawing, and stands beside it.
+    """
 
     name: str
     title: str
@@ -26,6 +30,7 @@ class Exhibit:
     caption: str
     source: str
     table: Table
+    open: bool = False
 
 
 @dataclass(frozen=True, slots=True)

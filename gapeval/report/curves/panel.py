@@ -4,12 +4,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from gapeval.report.curves.style import RULE, Look
 
 LONG = 9  # letters that fit under a tick where there are few
+TICKS = 8  # numbers that fit under an axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,14 +105,22 @@ def _scale(axes: Axes, panel: Panel) -> None:
         axes.yaxis.set_major_locator(MaxNLocator(5))
     if panel.categories is not None:
         _name_categories(axes, panel.categories)
-    elif panel.log_x:
-        axes.set_xscale("log")
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axes.xaxis.set_major_formatter(ScalarFormatter())
-        axes.xaxis.set_minor_formatter(NullFormatter())
     else:
-        axes.xaxis.set_major_locator(MaxNLocator(6))
-        axes.xaxis.get_major_formatter().set_useoffset(False)  # type: ignore[attr-defined]
+        _number_axis(axes, panel)
+
+
+def _number_axis(axes: Axes, panel: Panel) -> None:
+    """The numbers that there are, where there is room for them; else round ones."""
+    if panel.log_x:
+        axes.set_xscale("log")
+    there = np.unique([point.x for line in panel.lines for point in line.points])
+    apart = np.diff(np.log(there) if panel.log_x else there)
+    if 1 < len(there) <= TICKS and apart.min() > apart.sum() / (2 * TICKS):
+        axes.xaxis.set_major_locator(FixedLocator(there.tolist()))
+    else:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)) if panel.log_x else MaxNLocator(6))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "\N{MINUS SIGN}")))
 
 
 def _name_categories(axes: Axes, names: Sequence[str]) -> None:

@@ -52,6 +52,7 @@ def curve_style() -> Iterator[None]:
             "xtick.major.size": 3.0,
             "ytick.major.size": 0.0,
             "axes.axisbelow": True,
+            "axes.formatter.useoffset": False,
             "grid.color": RULE,
             "text.parse_math": False,  # a name may have any sign in it
             "svg.fonttype": "none",  # words stay words: to be searched, and in the page's font

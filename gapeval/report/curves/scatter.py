@@ -61,7 +61,7 @@ def draw_scatter(axes: Axes, scatter: Scatter) -> None:
 
 def _scale(axes: Axes, most: float) -> None:
     """By its root, so that zero has a place, few are told apart, and very many fit too."""
-    axes.set_ylim(-0.03, 1.06)
+    axes.set_ylim(-0.03, 1.09)
     axes.set_yticks([0, 0.25, 0.5, 0.75, 1], ["0", "0.25", "0.5", "0.75", "1"])
     axes.set_xscale("function", functions=(_root, _square))
     axes.set_xlim(-0.0006 * most, 1.06 * most or 1.0)
@@ -87,5 +87,5 @@ def _number(axes: Axes, dots: Sequence[Dot]) -> None:
         if all(abs(place[0] - x) > 13 or abs(place[1] - y) > 11 for x, y in taken):
             taken.append(place)
             axes.annotate(
-                dot.name, (dot.x, dot.y), (6, -11), textcoords="offset points", fontsize=8.5, color=INK
+                dot.name, (dot.x, dot.y), (8, 6), textcoords="offset points", fontsize=8.5, color=INK
             )

@@ -25,10 +25,8 @@ class Shown:
 
     @property
     def kind(self) -> str:
-        """How much room its drawings take."""
-        if len(self.drawings) > 1:
-            return "several"
-        return "one"
+        """How it is laid out."""
+        return "beside-table" if self.exhibit.open else "drawn"
 
 
 def html(sections: Sequence[Section]) -> bytes:

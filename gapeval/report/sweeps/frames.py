@@ -20,19 +20,20 @@ class Choice:
 
 
 def choose(rows: Sequence[Row]) -> list[Choice]:
-    """The worst, by labels that were missed and false gaps together, then the best: most hits without either.
+    """The worst, by missed labels and false gaps together, then the best: fewest of them, most hits.
 
-    rows: of frames.csv, of one configuration. Where nothing was scored, the frame with the most gaps.
+    rows: of frames.csv, of one configuration. No frame is both; a single one is worst if it has a fault.
+    Where nothing was scored, the frame with the most gaps.
     """
     scored = [row for row in rows if number(row, "scored_frames")]
     if not scored:
         most = max(rows, key=lambda row: _count(row, "gaps"), default=None)
         return [] if most is None else [_choice(most, f"{most['gaps']} gaps, the most of all frames", None)]
-    faults = sorted((row for row in scored if _faults(row)), key=lambda row: -_faults(row))
-    found = [_choice(row, _told(row), True) for row in faults[:WORST]]
-    good = [row for row in scored if not _faults(row)]
-    best = max(good, key=lambda row: _count(row, "hits"), default=None)
-    return found if best is None else [*found, _choice(best, _told(best), False)]
+    ordered = sorted(scored, key=lambda row: (-_faults(row), _count(row, "hits")))
+    last = ordered[-1]  # of equal ones the later in time
+    faulty = [row for row in ordered if _faults(row) and (row is not last or len(ordered) == 1)]
+    worst = [_choice(row, _told(row), True) for row in faulty[:WORST]]
+    return worst if last in faulty else [*worst, _choice(last, _told(last), False)]
 
 
 def rows_of(results: Results, configuration: str) -> list[dict[str, str]]:
@@ -60,11 +61,9 @@ def _choice(row: Row, why: str, worst: bool | None) -> Choice:
 
 
 def unshown(choices: Sequence[Choice]) -> str:
-    """What there is none of among the chosen frames."""
+    """What the choice cannot show."""
     if not choices:
         return "No frame was evaluated."
-    if all(choice.worst is None for choice in choices):
+    if choices[0].worst is None:
         return "No labels tell which frame is worst or best: the one with the most gaps is shown."
-    if all(choice.worst for choice in choices):
-        return "No best frame: in every frame a label was missed or a gap was false."
-    return "" if any(choice.worst for choice in choices) else "In no frame was a label missed or a gap false."
+    return "" if choices[0].worst else "In no frame was a label missed or a gap false."

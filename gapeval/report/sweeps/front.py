@@ -108,6 +108,7 @@ def front_exhibit(
         ),
         source=f"{source}, rows with log = all" + (f"; {times_source}, column median" if timed else ""),
         table=_table(results, best),
+        open=True,
     )
 
 
@@ -140,7 +141,15 @@ def _edge(best: Sequence[Candidate]) -> tuple[tuple[float, float], ...]:
 
 
 def _table(results: Results, best: Sequence[Candidate]) -> Table:
-    head = ("", "configuration", *map(label, results.varied), "hit_rate", "fp_per_frame", "pq", "time [ms]")
+    head = (
+        "no.",
+        "configuration",
+        *map(label, results.varied),
+        "hit_rate",
+        "fp_per_frame",
+        "pq",
+        "time [ms]",
+    )
     rows = tuple(
         (
             str(rank),

@@ -27,17 +27,14 @@ def recommend(rows: Sequence[Row]) -> Recommendation | None:
     """Of all that are as good as the best within what pq can tell: the one that misses least.
 
     Among configurations whose pq reaches the lower end of the best one's interval (without one: that are
-    within NEAR of it): highest hit_rate, then fewest fp_per_frame, smallest resolution, order of the rows.
-    rows: of all logs together. None where no label was asked for.
+    within NEAR of it): highest hit_rate, then fewest fp_per_frame, smallest resolution, and at last what
+    the best is chosen by, and the order of the rows. rows: of all logs together. None where no label was
+    asked for.
     """
     scored = [row for row in rows if number(row, "pq") is not None]
     if not scored:
         return None
-
-    def goodness(row: Row) -> tuple[float, ...]:
-        return tuple(sign * (number(row, name) or 0.0) for name, sign in BEST)
-
-    best = min(scored, key=goodness)
+    best = min(scored, key=_goodness)
     low = number(best, "pq_low")
     least = (number(best, "pq") or 0.0) - NEAR if low is None else low
     good = [row for row in scored if (number(row, "pq") or 0.0) >= least]
@@ -47,7 +44,17 @@ def recommend(rows: Sequence[Row]) -> Recommendation | None:
 def _aims(row: Row) -> tuple[float, ...]:
     cells = (number(row, "i_height") or 0.0) * (number(row, "i_width") or 0.0)
     false = number(row, "fp_per_frame")
-    return (-(number(row, "hit_rate") or 0.0), float("inf") if false is None else false, cells)
+    return (
+        -(number(row, "hit_rate") or 0.0),
+        float("inf") if false is None else false,
+        cells,
+        *_goodness(row),
+    )
+
+
+def _goodness(row: Row) -> tuple[float, ...]:
+    """As in the printed table and the column `best`; less is better."""
+    return tuple(sign * (number(row, name) or 0.0) for name, sign in BEST)
 
 
 def reason(found: Recommendation, configurations: int) -> str:
