@@ -203,6 +203,7 @@ def test_one_configuration_has_no_curves(tmp_path: Path) -> None:
     found = check_sound(page)
     assert "No curves: there is one configuration, and no parameter varies." in page
     assert "nothing was chosen" in page
+    assert "chosen on these data" not in page
     assert found.all("svg") == []
     assert found.all("img")
     assert not (results / "times.csv").exists()

@@ -83,9 +83,8 @@ def _draw_line(axes: Axes, line: Line, joined: bool, aside: float) -> None:
             axes.plot(x, edge, color=line.look.colour, lw=0.5, alpha=0.6, zorder=2)
     else:
         axes.vlines(x, low, high, color=line.look.colour, lw=1.2, zorder=2)
-        reach = 0.06
         for edge in (low, high):
-            axes.hlines(edge, [i - reach for i in x], [i + reach for i in x], color=line.look.colour, lw=1.2)
+            axes.plot(x, edge, ls="", marker="_", ms=7, mew=1.2, color=line.look.colour, zorder=2)
 
 
 def _scale(axes: Axes, panel: Panel) -> None:

@@ -37,6 +37,11 @@ class Look:
     def colour(self) -> str:
         return SOFT if self.faint else COLOURS[self.number % len(COLOURS)]
 
+    @property
+    def dashes(self) -> Any:
+        """Of more lines than there are markers, those with equal markers differ in their dashes."""
+        return DASHES[(self.number + self.number // len(MARKERS)) % len(DASHES)]
+
     def artist(self) -> dict[str, Any]:
         """As matplotlib's lines take it."""
         if self.faint:
@@ -44,7 +49,7 @@ class Look:
         number = self.number
         return {
             "color": self.colour,
-            "ls": DASHES[number % len(DASHES)] if self.joined else "",
+            "ls": self.dashes if self.joined else "",
             "marker": MARKERS[number % len(MARKERS)],
             "ms": 4.6,
             "mew": 0,

@@ -2,7 +2,7 @@
 
 import math
 
-from gapeval.report.curves.style import DASHES, MARKERS, VARIABLES, Look
+from gapeval.report.curves.style import MARKERS, VARIABLES, Look
 
 MIDDLE, HALF = (17.0, 7.0), 4.0  # of a swatch of 34 x 14
 
@@ -10,7 +10,7 @@ MIDDLE, HALF = (17.0, 7.0), 4.0  # of a swatch of 34 x 14
 def swatch(look: Look) -> str:
     """An inline SVG; decoration beside its words."""
     colour = f"var({VARIABLES[look.colour]})"
-    dashes = (0, (2.2, 1.8)) if look.faint else DASHES[look.number % len(DASHES)]
+    dashes = (0, (2.2, 1.8)) if look.faint else look.dashes
     width = 1.2 if look.faint else 2.0
     pattern = "" if dashes == "-" else f' stroke-dasharray="{" ".join(f"{width * d:g}" for d in dashes[1])}"'
     line = (

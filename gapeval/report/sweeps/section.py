@@ -19,16 +19,26 @@ from gapeval.results.tables import PARAMETERS
 
 FIGURES = ("pq", "f1", "hit_rate", "fp_per_frame", "coverage", "over_area", "splits", "merges")
 
+HEADINGS = {
+    (True, True): "Recommended configuration",
+    (True, False): "The configuration",
+    (False, True): "Configuration that is shown",
+    (False, False): "The configuration",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Advice:
     """The configuration that is shown: the recommended one, where labels allow one.
 
-    values: the parameters that vary. held: all others.
+    heading: what it is called. chosen: whether among others. values: the parameters that vary. held: all
+    others.
     """
 
     configuration: str
-    recommended: bool
+    heading: str
+    scored: bool
+    chosen: bool
     reason: str
     values: Table
     held: Table
@@ -75,9 +85,11 @@ def sweep_section(results: Results, title: str, advance: Callable[[int], object]
         warnings=tuple(_warnings(results)),
         advice=Advice(
             base["configuration"],
+            HEADINGS[(advised is not None, several)],
             advised is not None,
+            advised is not None and several,
             _without_labels(results) if advised is None else reason(advised, len(results.overall)),
-            _values(base, varied),
+            _values(base, [name for name in varied if base[name] or several]),
             _values(base, [name for name in PARAMETERS if name not in varied and base[name]]),
             _figures(base),
             f"{summary}, row with log = all, configuration = {base['configuration']}",

@@ -49,6 +49,8 @@ def times(results: Results, sources: Sources, advance: Callable[[int], object]) 
         if source.recording is None:
             return Times({}, entry["log"], 0, missing=source.missing)
         frames = list(_some_frames(source.recording))
+        if not frames:
+            return Times({}, entry["log"], 0, missing=f"no cloud of {entry['log']} could be read for them")
         for name in lacking:
             known[name] = _measured(entry, name, sources.configurations[name], frames)
             advance(1)
