@@ -80,6 +80,7 @@ def test_help_imports_nothing_heavy() -> None:
         "mcap",
         "pandas",
         "matplotlib",
+        "jinja2",
         "tqdm",
         "filelock",
         "distributed",
