@@ -138,7 +138,7 @@ def test_weighing_is_the_probability_that_a_hit_outweighs_a_false_gap(levels) ->
     ]
     hits = [size for size, (number, _) in enumerate(levels) for _ in range(number)]
     false = [size for size, (_, number) in enumerate(levels) for _ in range(number)]
-    found = verdict(claim("true", w={"weigh": "error"}), *rows)
+    found = verdict(claim("true", w={"weigh": "error", "of": "fp_per_frame"}), *rows)
     if not hits or not false:
         assert found.verdict == NOT_MEASURED
         return

@@ -19,7 +19,7 @@ HOLDS, PARTLY, DOES_NOT, NOT_MEASURED = "holds", "holds partly", "does not hold"
 RULES = SandboxedEnvironment(undefined=StrictUndefined)
 COLUMNS = ("study", "claim", "section", "words", "measured", "verdict", "conditions", "rule", "source")
 LOWER = {metric.name for metric in METRICS if metric.better == "lower"} | {"bin_mismatch", "median"}
-MISSES = "no row with"
+RIGHT = {"fp_per_frame": "hit_rate", "over_area": "coverage"}  # of what is false, its counterpart
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,8 @@ def _judge(name: str, claim: Claim, rows: Sequence[Row]) -> Judged:
     if claim.by:
         wanted = {key: value for key, value in claim.where.items() if key != claim.by}
         of = [row.keys.get(claim.by) for row in rows if _fits(row, wanted, claim.by)]
-        groups = [one for one in dict.fromkeys(of) if one is not None and one != ALL]
+        asked = claim.among or dict.fromkeys(of)
+        groups = [one for one in asked if one is not None and one != ALL]
     measured, verdicts = [], {}
     for group in groups:
         where = claim.where if group is None else claim.where | {claim.by: group}
@@ -82,7 +83,7 @@ def _judge(name: str, claim: Claim, rows: Sequence[Row]) -> Judged:
             if (of := [group for group, one in verdicts.items() if one == kind])
         )
     rule = claim.holds + (f"; partly: {claim.partly}" if claim.partly else "")
-    fixed = ", ".join(f"{key} {_text(value)}" for key, value in claim.where.items())
+    fixed = ", ".join(f"{key} {_text(value)}" for key, value in claim.where.items() if value != "")
     return Judged(
         name,
         claim.claim,
@@ -135,12 +136,14 @@ def evaluated(figure: Figure, where: Where, rows: Sequence[Row]) -> Estimate:
     """A figure of a claim. Raises _NoRowError where there is no row that it asks for."""
     wanted = where | figure.where
     if figure.weigh:
-        return weighed(_several(rows, wanted, figure.weigh), figure.weigh)
+        return weighed(_several(rows, wanted, figure.weigh), figure.weigh, figure.of)
     if figure.best:
         return best(_several(rows, wanted, figure.best), figure.best, figure.of)
     if figure.fit:
         return straightness(_several(rows, wanted, figure.fit), figure.fit, figure.of)
-    one = _one(rows, wanted).figures.get(figure.of, NOTHING)
+    one = (_top(rows, wanted, figure.of) if figure.top else _one(rows, wanted)).figures.get(
+        figure.of, NOTHING
+    )
     if figure.minus:
         return combined(one, _one(rows, wanted | figure.minus).figures.get(figure.of, NOTHING), np.subtract)
     if figure.over:
@@ -187,14 +190,12 @@ def straightness(rows: Sequence[Row], column: str, of: str) -> Estimate:
     return Estimate(float(np.corrcoef(x, y)[0, 1] ** 2))
 
 
-def weighed(rows: Sequence[Row], column: str) -> Estimate:
+def weighed(rows: Sequence[Row], column: str, of: str) -> Estimate:
     """Section 4.5: were gaps weighed by how small `column` is, which is known of each frame, the probability
-    that a hit weighs more than a false gap; 0.5 where weighing does not tell them apart. The rows must be of
-    equal numbers of frames and labels, so that rates stand for counts."""
+    that what is right weighs more than what is false; 0.5 where weighing does not tell them apart. The rows
+    must be of equal numbers of frames and labels, so that rates stand for counts."""
     ordered = sorted(rows, key=lambda row: abs(float(row.keys[column])))  # type: ignore[arg-type]
-    true, false = (
-        [row.figures.get(name, NOTHING) for row in ordered] for name in ("hit_rate", "fp_per_frame")
-    )
+    true, false = ([row.figures.get(name, NOTHING) for row in ordered] for name in (RIGHT[of], of))
 
     def probability(good: FloatArray, bad: FloatArray) -> FloatArray:
         worse = bad[::-1].cumsum(axis=0)[::-1] - bad  # false gaps at larger values
@@ -220,6 +221,15 @@ def _one(rows: Sequence[Row], where: Where) -> Row:
     if len(found) > 1:
         raise ConfigError(f"{len(found)} rows with {_where(where)}; a figure needs one")
     return found[0]
+
+
+def _top(rows: Sequence[Row], where: Where, of: str) -> Row:
+    """The row with the best figure; of equal ones, the first."""
+    found = [row for row in rows if _fits(row, where) and row.figures.get(of, NOTHING).value is not None]
+    if not found:
+        raise _NoRowError(str(where))
+    sign = -1.0 if of in LOWER else 1.0
+    return max(found, key=lambda row: sign * (row.figures[of].value or 0.0))
 
 
 def _several(rows: Sequence[Row], where: Where, column: str) -> list[Row]:
@@ -274,12 +284,12 @@ def _where(where: Where) -> str:
 def _source(figure: Figure) -> str:
     what = figure.of
     if figure.weigh:
-        return f"hit_rate and fp_per_frame against {figure.weigh} where {_where(figure.where)}"
+        return f"{RIGHT[what]} and {what} against {figure.weigh} where {_where(figure.where)}"
     if figure.best:
         return f"{figure.best} with the best {what} where {_where(figure.where)}"
     if figure.fit:
         return f"R2 of {what} against {figure.fit} where {_where(figure.where)}"
-    text = f"{what} where {_where(figure.where)}"
+    text = f"{'best ' if figure.top else ''}{what} where {_where(figure.where)}"
     for word, other in (("minus", figure.minus), ("over", figure.over)):
         if other:
             text += f" {word} where {_where(other)}"

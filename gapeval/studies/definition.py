@@ -14,7 +14,16 @@ from gapeval.simulate.sensors import SENSORS
 
 # In the order in which they are run: timing at the end, after all that keeps cores busy.
 NAMES = (
-    *("delta_r", "resolution", "morphology", "plane_threshold", "occlusion", "pose_error", "radius"),
+    *(
+        "delta_r",
+        "resolution",
+        "morphology",
+        "plane_threshold",
+        "values",
+        "occlusion",
+        "pose_error",
+        "radius",
+    ),
     *("crossing", "sensors", "deviations", "timing"),
 )
 Value = bool | int | float | str
@@ -75,16 +84,19 @@ class Curve(Section):
 class Figure(Section):
     """A measured figure, from rows of the study's CSV.
 
-    of: its column, in the row that `where` picks. minus: less that of the row where these differ, pairwise
-    over logs. over: divided by it. best: instead, the value of this column whose row has the best `of`.
-    fit: instead, R2 of a straight line of `of` against this column. weigh: instead, the probability that a
-    hit comes from a smaller value of this column than a false gap.
+    of: its column, in the row that `where` picks. top: in the best of the rows that `where` leaves.
+    minus: less that of the row where these differ, pairwise over logs. over: divided by it.
+    best: instead, the value of this column whose row has the best `of`. fit: instead, R2 of a straight line
+    of `of` against this column. weigh: instead, the probability that what is right comes from a smaller value
+    of this column than what is false: a hit than a false gap (`of: fp_per_frame`), a covered m2 than one
+    outside every label (`of: over_area`).
     """
 
     of: str = ""
     where: Where = {}
     minus: Where = {}
     over: Where = {}
+    top: bool = False
     best: str = ""
     fit: str = ""
     weigh: str = ""
@@ -93,7 +105,8 @@ class Figure(Section):
 class Claim(Section):
     """What the paper says, and the rule by which figures decide whether it holds.
 
-    by: a column for each of whose values the rule is asked; it holds partly if it holds for some.
+    by: a column for each of whose values, or of those in `among`, the rule is asked; it holds partly if it
+    holds for some.
     holds, partly: expressions over figures, each with `value`, `low` and `high`.
     """
 
@@ -103,6 +116,7 @@ class Claim(Section):
     figures: dict[str, Figure]
     where: Where = {}
     by: str = ""
+    among: tuple[Value, ...] = ()
     holds: str
     partly: str = ""
 

@@ -54,7 +54,7 @@ def rows_of(planned: Planned, study: Study, tables: Tables) -> Iterator[Row]:
 def drawn_by(claims: Iterable[Claim]) -> set[str]:
     """The metrics whose draws claims need: of differences, ratios and best values."""
     figures = [figure for claim in claims for figure in claim.figures.values()]
-    return {figure.of for figure in figures} | {"hit_rate", "fp_per_frame"}
+    return {figure.of for figure in figures} | {"hit_rate", "coverage"}
 
 
 def about_configuration(configuration: Configuration) -> dict[str, Value | None]:
