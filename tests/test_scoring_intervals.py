@@ -170,7 +170,7 @@ def test_what_a_metric_counts_decides_its_limits_where_it_is_0_or_1():
 def covered(block, logs=300, frames=600):
     """Share of simulated logs whose interval holds the true share of hits, which is a half.
 
-    Hits come in runs, as when the same label stays in view: what is after a second is like what was by a half.
+    Hits come in runs, as when the same label stays in view: correlated by a half after one second.
     """
     alike = 0.5**0.1
     noise = np.random.default_rng(7).normal(size=(logs, frames))
