@@ -470,8 +470,12 @@ def test_the_table_of_the_best_shows_what_differs(tmp_path):
     lines = best_table(store).splitlines()
     head = next(index for index, line in enumerate(lines) if line.startswith("configuration"))
     assert lines[head].split()[:3] == ["configuration", "n_o", "hit_rate"]
-    found = [line.split()[:3] for line in lines[head + 1 :]]
+    found = [line.split()[:3] for line in lines[head + 1 : head + 4]]
     assert found == [[POINTS[1].id, "1", "0.75"], [POINTS[2].id, "2", "0.5"], [POINTS[0].id, "0", "0.25"]]
+    assert lines[head + 4 :] == [
+        "",
+        f"95 % intervals of {POINTS[1].id}: fp_per_frame 0 to 3.689, pq 0 to 0.975; see scoring.md",
+    ]
 
 
 def test_without_labels_there_is_no_best_table(tmp_path):

@@ -32,7 +32,7 @@ class Part:
     key, first, last: what it was made from, and which frames; see results.parts.
     ids: of the configurations, in the order of the sweep that made it. gaps: whether it has rows of gaps.csv.
     refusals: why clouds were refused, one text each, in order. stamps, digests, points, dropped: of each
-    frame. asked: of each frame, its labels (A) that were asked for. hits: (C, sum of A) of them, as they come.
+    frame. asked: of each frame, its labels (A) that were asked for. hits: (C, sum of A) of them.
     sums: (n, C, len(SUMS)). rows: of each file, its rows. ends: of each file, (n, C), where in its text the
     rows of that frame and configuration end. spent: of each frame, by stage: mean seconds, and how often.
     """

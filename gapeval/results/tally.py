@@ -1,6 +1,6 @@
 """What frames add up to: of one log, or of all."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gapeval.frame import FloatArray
 from gapeval.ragged import IndexArray
 from gapeval.results.hits import Approaches, FirstHits, HitCounts, Hits
-from gapeval.results.replicates import NAMES, PLACES, Replicates
+from gapeval.results.replicates import Replicates
 from gapeval.scoring.intervals import (
     LEAST_BLOCKS,
     LEAST_LOGS,
@@ -94,7 +94,7 @@ class LogSums:
         )
         first = FirstHits.none(len(self.sums))
         first.add(self.approaches)
-        found = _limits(self.sums, self.replicates.totals, counted, LEAST_BLOCKS)
+        found = _limits(self.sums, self.replicates.total, counted, LEAST_BLOCKS)
         return Total(self.sums, self.hits, first, found, counted)
 
 
@@ -106,37 +106,52 @@ class AllSums:
         self._hits = HitCounts(configurations)
         self._first = FirstHits.none(configurations)
         self._counted = Counted(np.zeros(configurations, dtype=np.intp))
-        self._replicates: Replicates | None = None
-        self._logs: list[FloatArray] = []
+        self._replicates = Replicates(0)
+        self._logs: list[Total] = []
 
     def include(self, log: LogSums, total: Total) -> None:
         """What a log that is done adds to all but sums, which are added frame by frame."""
         self._hits.include(log.hits)
         self._first.add(log.approaches)
         self._counted.include(total.counted)
-        self._logs.append(total.sums)
-        if self._replicates is None:
+        self._logs.append(total)
+        if self._whole_logs:
+            self._replicates = Replicates(0)
+        elif len(self._logs) == 1:
             self._replicates = log.replicates
         else:
             self._replicates.include(log.replicates)
 
+    @property
+    def _whole_logs(self) -> bool:
+        """Whether there are enough logs to draw whole ones; else blocks are drawn, of each log by itself."""
+        return sum(log.counted.scored_blocks > 0 for log in self._logs) >= LEAST_LOGS
+
     def total(self) -> Total:
-        """Of few logs the blocks are drawn anew, each log's by themselves; of several, whole logs."""
-        counted, least = self._counted, LEAST_BLOCKS
-        drawn = {} if self._replicates is None else self._replicates.totals
-        scored = sum(bool(sums[:, SCORED].any()) for sums in self._logs)
-        if scored >= LEAST_LOGS:
+        if len(self._logs) == 1:
+            return self._logs[0]
+        counted = self._counted
+        if not self._whole_logs:
+            drawn = self._replicates.total
+            found = _limits(self.sums, drawn, counted, LEAST_BLOCKS)
+        else:
+            scored = sum(log.counted.scored_blocks > 0 for log in self._logs)
+            counted = Counted(counted.judged, counted.labels, len(self._logs), scored)
             weights = log_draws(len(self._logs), SEED).astype(np.float64)
-            logs = np.stack(self._logs)[:, :, PLACES]
-            drawn = {name: weights @ logs[:, :, place] for place, name in enumerate(NAMES)}
-            counted, least = Counted(counted.judged, counted.labels, len(self._logs), scored), LEAST_LOGS
-        return Total(self.sums, self._hits, self._first, _limits(self.sums, drawn, counted, least), counted)
+
+            def drawn(name: str) -> FloatArray:
+                each = np.stack([log.sums[:, tuple(SUMS).index(name)] for log in self._logs])
+                found: FloatArray = np.einsum("bl,lc->bc", weights, each)
+                return found
+
+            found = _limits(self.sums, drawn, counted, LEAST_LOGS)
+        return Total(self.sums, self._hits, self._first, found, counted)
 
 
 def _limits(
-    sums: FloatArray, drawn: Mapping[str, NDArray[np.floating]], counted: Counted, least: int
+    sums: FloatArray, drawn: Callable[[str], NDArray[np.floating]], counted: Counted, least: int
 ) -> dict[str, FloatArray]:
-    """(2, C) of each metric. drawn: (B, C) or (B, 1) of sums, what is missing is zero."""
+    """(2, C) of each metric. drawn: the replicates of a sum, (B, C) or (B, 1)."""
     here = dict(zip(SUMS, sums.T, strict=True))
     found = {}
     for metric in METRICS:
@@ -144,7 +159,7 @@ def _limits(
         number = counted.blocks if unlabelled else counted.scored_blocks
         replicates = None
         if number >= least:
-            each = figure(metric, {name: drawn.get(name, 0.0) for name in (*metric.above, *metric.below)})
+            each = figure(metric, {name: drawn(name) for name in (*metric.above, *metric.below)})
             replicates = np.broadcast_to(each, (REPLICATES, len(sums)))
         things: dict[str, Things] = {"labels": counted.labels, "judged": counted.judged, "blocks": number}
         found[metric.name] = np.stack(limits(metric, figure(metric, here), replicates, things))
