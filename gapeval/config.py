@@ -349,7 +349,9 @@ class Config(Section):
         """The whole, or only some sections of it."""
         include = None if sections is None else set(sections)
         values = self.model_dump(mode="json", exclude_none=True, include=include)
-        return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+        # PyYAML writes a next-line character as it is, and reads it back as a space.
+        text = yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
+        return text if "\x85" not in text else yaml.safe_dump(values, sort_keys=False)
 
 
 SWEPT = ("detector", "crossing")  # the sections that a grid may vary

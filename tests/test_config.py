@@ -520,3 +520,10 @@ def test_a_distance_that_is_spelled_out_is_the_same_configuration():
     spelled = CrossingRules(d_r=0.34, standoff=0.34, clearance=0.25)
     assert Configuration(crossing=spelled).id == Configuration().id
     assert Configuration(robot=Robot(length=1.0)).parameters["crossing"]["d_r"] == 0.5
+
+
+def test_a_next_line_character_comes_back_from_yaml(tmp_path) -> None:
+    config = Config(log=LogSection(robot_frame="a\x85b"))
+    path = tmp_path / "c.yaml"
+    path.write_text(config.to_yaml(), encoding="utf-8", newline="")
+    assert load_config(path) == config

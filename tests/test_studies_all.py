@@ -1,4 +1,4 @@
-"""All of our studies: the quick ones whole, killed and finished; the full ones against docs/reproduction.md."""
+"""All of our studies: the quick ones whole, killed and finished; the full ones against the docs."""
 
 import csv
 import os

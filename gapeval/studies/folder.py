@@ -15,7 +15,7 @@ from gapeval.files import make_folder, whole_files, write_whole
 from gapeval.results.manifest import SCORER
 from gapeval.studies.cases import Given, columns_of
 from gapeval.studies.claims import COLUMNS, Judged
-from gapeval.studies.definition import Study
+from gapeval.studies.definition import NAMES, Study
 from gapeval.studies.rows import Row, csv_text, with_best
 from gapeval.sweep.provenance import content_digest, versions
 
@@ -53,9 +53,11 @@ def write_claims(
 
     Returns the names of all studies that are there now.
     """
-    kept_names, kept = _before(folder, made_from)
-    rows = {name: [row for row in kept if row["study"] == name] for name in kept_names}
+    there, kept = _before(folder, made_from)
+    rows = {name: [row for row in kept if row["study"] == name] for name in there}
     rows |= {name: [asdict(one) for one in judged if one.study == name] for name in names}
+    ours = [name for name in NAMES if name in rows]
+    rows = {name: rows[name] for name in (*ours, *sorted(rows.keys() - set(NAMES)))}
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
