@@ -17,6 +17,7 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, le=1)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+Angle = Annotated[float, Field(gt=-math.pi / 2, lt=math.pi / 2)]
 Vector = tuple[Finite, Finite, Finite]
 Quaternion = tuple[Finite, Finite, Finite, Finite]
 Interval = tuple[Finite, Finite]
@@ -210,6 +211,30 @@ class StaticTransform(Section):
     """quaternion, [x, y, z, w]"""
 
 
+class PoseError(Section):
+    """A fixed error of the robot's pose: every frame's points are turned and lifted so in the robot frame."""
+
+    roll: Angle = 0.0
+    """rad, about x: the left side rises"""
+    pitch: Angle = 0.0
+    """rad, about y: the ground ahead sinks"""
+    height: Finite = 0.0
+    """m, upwards"""
+
+
+class PoseNoise(Section):
+    """An error that is drawn anew for each frame: standard deviations. Drawn by seed and stamp alone."""
+
+    roll: NotNegative = 0.0
+    """rad, about x"""
+    pitch: NotNegative = 0.0
+    """rad, about y"""
+    height: NotNegative = 0.0
+    """m"""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """of the draws; logs with equal stamps have equal errors by equal seeds"""
+
+
 class LogSection(Section):
     """How a log is read."""
 
@@ -231,6 +256,10 @@ class LogSection(Section):
     """a cloud's time: its header's stamp, or when it was recorded"""
     min_matched: Share = 0.5
     """share of the clouds that must have all their transforms"""
+    pose_error: PoseError | None = None
+    """what a pose that is always wrong would do; see simulation.md"""
+    pose_noise: PoseNoise | None = None
+    """what poses that are wrong by chance would do; see simulation.md"""
     lowest_elevation: dict[str, float] = {}
     """rad, the sensor's lowest ray by file name; measured where absent, and written to config.yaml"""
 
@@ -269,6 +298,8 @@ class Scoring(Section):
     """m above the plane; what is higher throws a shadow"""
     ceiling: Positive = 2.0
     """m above the plane; what is higher throws none"""
+    block: Positive = 2.0
+    """s, how long what a frame shows is like what the last one showed: of the intervals; see scoring.md"""
 
 
 class Configuration(Section):
@@ -333,7 +364,7 @@ def load_config(path: Path | None, assignments: Iterable[str] = (), **explicit: 
     source = "configuration"
     if path is not None:
         source = str(path)
-        values = _read_yaml(path)
+        values = read_yaml(path)
         # The file by itself first, so that an error in it is not blamed on an option.
         _parse(values | {"grid": {}}, source)
     grid = values.get("grid") or {}
@@ -411,7 +442,8 @@ class _Loader(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def _read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The sections of a YAML file. Raises ConfigError."""
     try:
         values = yaml.load(path.read_text(encoding="utf-8"), _Loader)
     except OSError as error:

@@ -113,16 +113,9 @@ def metrics() -> str:
 
 
 def columns() -> str:
-    files = {
-        "summary.csv": tables.SUMMARY,
-        "frames.csv": tables.FRAMES,
-        "labels.csv": tables.LABELS,
-        "gaps.csv": tables.GAPS,
-        "timing.csv": tables.TIMING,
-    }
     parts, meanings = [], tables.meanings()
-    for file, names in files.items():
-        here = meanings | {"gaps": "gaps that belong to the label"} if file == "labels.csv" else meanings
+    for file, names in tables.FILES.items():
+        here = meanings | tables.label_meanings() if file == tables.LABELS else meanings
         rows = "\n".join(f"| `{name}` | {cell(here[name])} |" for name in names)
         parts.append(f"## {file}\n\n| column | meaning |\n|---|---|\n{rows}\n")
     return "\n".join(parts)

@@ -6,7 +6,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-FILES = ("summary.csv", "frames.csv", "labels.csv", "gaps.csv", "config.yaml", "manifest.json")
+FILES = (
+    *("summary.csv", "frames.csv", "labels.csv", "gaps.csv", "hits.csv", "approaches.csv"),
+    *("config.yaml", "manifest.json"),
+)
 GRID = ("-p", "delta_r=1.03,1.05", "-p", "n_o=0,1", "-p", "pl_th=0.05,0.1", "--gaps")
 # Long enough to be killed in the middle.
 MANY = (

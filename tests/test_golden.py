@@ -6,6 +6,7 @@ moved them; a figure that moves without a decision is a bug.
 * 2026-11-22: first set, with the detector of Section 3.1 (centred on the sensor, `edge: data`) and scorer 1.
 * 2026-11-22: over_area grew by 1e-6: the domain's arc is drawn around the circle, so that it holds the cells
   of the last row whole (scorer 2).
+* 2026-11-22: near edges, gaps in shadow, and what lies over the labels of a gap were added; nothing moved.
 """
 
 import csv
@@ -50,6 +51,10 @@ GOLDEN = {
             "false_gaps": 3,
             "ignored": 0,
             "not_counted": 0,
+            "edges": 9,
+            "edge_rays": 394,
+            "edge_rays_missed": 38,
+            "shadowed_gaps": 0,
         },
         {
             "axis_angle_sum": 0.6732963464891826,
@@ -57,6 +62,9 @@ GOLDEN = {
             "label_area": 42.36158577838793,
             "covered_area": 33.330304901951884,
             "over_area_sum": 39.85247917205504,
+            "paired_over_area_sum": 0.347875597182286,
+            "edge_median_sum": 0.8108641111106372,
+            "edge_max_sum": 2.50912436403362,
         },
         {
             "hit_rate": 1.0,
@@ -72,6 +80,12 @@ GOLDEN = {
             "rq": 0.8571428571428571,
             "pq": 0.6666719502282262,
             "axis_angle": 0.05610802887409855,
+            "near_edge_error": 0.09009601234562635,
+            "near_edge_late": 0.27879159600373554,
+            "near_edge_missed": 0.09644670050761421,
+            "under_coverage": 0.21319506129167703,
+            "over_coverage": 0.008212053226764836,
+            "shadow_gaps": 0.0,
         },
     ),
     (7, 0, 1.03, 0.3): (
@@ -95,6 +109,10 @@ GOLDEN = {
             "false_gaps": 153,
             "ignored": 0,
             "not_counted": 0,
+            "edges": 9,
+            "edge_rays": 394,
+            "edge_rays_missed": 27,
+            "shadowed_gaps": 0,
         },
         {
             "axis_angle_sum": 2.9416278881760856,
@@ -102,6 +120,9 @@ GOLDEN = {
             "label_area": 42.36158577838793,
             "covered_area": 33.32957468536095,
             "over_area_sum": 94.34697724078309,
+            "paired_over_area_sum": 0.7222749479539421,
+            "edge_median_sum": 0.750372355119389,
+            "edge_max_sum": 3.149497997482582,
         },
         {
             "hit_rate": 1.0,
@@ -117,6 +138,12 @@ GOLDEN = {
             "rq": 0.10526315789473684,
             "pq": 0.08083995135700374,
             "axis_angle": 0.01815819684059312,
+            "near_edge_error": 0.08337470612437656,
+            "near_edge_late": 0.3499442219425091,
+            "near_edge_missed": 0.06852791878172589,
+            "under_coverage": 0.21321229899837552,
+            "over_coverage": 0.017050233948570283,
+            "shadow_gaps": 0.0,
         },
     ),
     (6, 1, 1.05, 0.2): (
@@ -140,6 +167,10 @@ GOLDEN = {
             "false_gaps": 6,
             "ignored": 0,
             "not_counted": 0,
+            "edges": 0,
+            "edge_rays": 394,
+            "edge_rays_missed": 394,
+            "shadowed_gaps": 0,
         },
         {
             "axis_angle_sum": 0.13386261420655476,
@@ -147,6 +178,9 @@ GOLDEN = {
             "label_area": 42.36158577838793,
             "covered_area": 0.0,
             "over_area_sum": 64.88733525239196,
+            "paired_over_area_sum": 0.0,
+            "edge_median_sum": 0.0,
+            "edge_max_sum": 0.0,
         },
         {
             "hit_rate": 0.0,
@@ -159,6 +193,10 @@ GOLDEN = {
             "rq": 0.0,
             "pq": 0.0,
             "axis_angle": 0.022310435701092462,
+            "near_edge_missed": 1.0,
+            "under_coverage": 1.0,
+            "over_coverage": 0.0,
+            "shadow_gaps": 0.0,
         },
     ),
 }

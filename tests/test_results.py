@@ -21,12 +21,16 @@ from gapeval.results.from_detections import at_labelled_stamps, score_detections
 from gapeval.results.from_sweep import log_names
 from gapeval.results.store import open_store
 from gapeval.results.tables import Point, cell, point
-from gapeval.scoring.match import LabelScore, score
+from gapeval.scoring.label_score import LabelScore
+from gapeval.scoring.match import score
 from gapeval.scoring.metrics import METRICS, SUMS, WITHOUT_LABELS, figures
 from gapeval.scoring.scene import View, common_domain, scene
 from gapeval.sweep.evaluation import Answers, GapAnswer, Question, detected, evaluate, rescored
 
-FILES = ("summary.csv", "frames.csv", "labels.csv", "timing.csv", "config.yaml", "manifest.json")
+FILES = (
+    *("summary.csv", "frames.csv", "labels.csv", "hits.csv", "approaches.csv", "timing.csv"),
+    *("config.yaml", "manifest.json"),
+)
 MANIFEST = {"gapeval": "0", "logs": []}
 POINTS = [point(Configuration(detector=Detector(n_o=number))) for number in (0, 1, 2)]
 
@@ -55,7 +59,9 @@ def unlabelled(gaps=3):
 def together(answers):
     """The answers of several configurations for one frame."""
     sums, labels, fallbacks, gaps = zip(*answers, strict=True)
-    return Answers(np.array([[one.get(name, 0.0) for name in SUMS] for one in sums]), labels, fallbacks, gaps)
+    added = np.array([[one.get(name, 0.0) for name in SUMS] for one in sums])
+    hits = np.zeros((len(answers), 0), dtype=np.bool_)
+    return Answers(added, labels, fallbacks, gaps, (), hits)
 
 
 def alone(answers, row=0):
@@ -65,7 +71,8 @@ def alone(answers, row=0):
 
 def write(folder, frames, points=POINTS, logs=("a.bag",), with_gaps=False, config=None):
     """Result files of frames: (log, stamp, answers)."""
-    with open_store(folder, points, with_gaps) as store:
+    timelines = {name: np.array([stamp for log, stamp, _ in frames if log == name]) for name, _, _ in frames}
+    with open_store(folder, points, timelines, 2.0, with_gaps) as store:
         for log, stamp, answers in frames:
             store.add(log, stamp, together(answers), {"detect": [0.25, 0.75], "read": [0.5]})
         store.finish((config or Config()).to_yaml(), MANIFEST, logs)
@@ -83,17 +90,21 @@ COUNTED = [
     *("frames", "scored_frames", "empty_frames", "gaps", "traversable_npca", "traversable_pca"),
     *("plane_fallbacks", "asked", "hits", "tp", "fp", "fn", "false_gaps", "ignored", "not_counted"),
 ]
-# DESIGN.md also has near_edge_median and near_edge_max, which are not built yet.
 LABEL_COLUMNS = [
     *("log", "stamp", "configuration", "label", "state", "range", "length", "visible_area"),
     *("covered_area", "iou", "hit", "gaps"),
+    *("near_edge_median", "near_edge_max", "near_edge_rays", "near_edge_missed", "bearing", "width", "area"),
+    *("npca_traversable", "npca_length_error", "npca_yaw_error"),
+    *("pca_traversable", "pca_length_error", "pca_yaw_error", "axis_angle"),
 ]
 
 
 def test_columns_are_the_documented_ones(tmp_path):
     write(tmp_path, [("a.bag", 1, [unlabelled()] * 3)], with_gaps=True)
     names = [metric.name for metric in METRICS]
-    summary = ["log", "configuration", *PARAMETERS, "best", *names, *COUNTED]
+    each = [column for name in names for column in (name, f"{name}_low", f"{name}_high")]
+    approached = ["first_hit_range", "towards_missed"]
+    summary = ["log", "configuration", *PARAMETERS, "best", *each, *approached, *COUNTED]
     assert header(tmp_path / "summary.csv") == summary
     assert header(tmp_path / "frames.csv") == ["log", "stamp", "configuration", "plane_fallback", *SUMS]
     assert header(tmp_path / "labels.csv") == LABEL_COLUMNS
@@ -105,7 +116,7 @@ def test_columns_are_the_documented_ones(tmp_path):
 
 
 def test_no_column_is_there_twice_and_each_has_a_meaning():
-    for columns in (tables.SUMMARY, tables.FRAMES, tables.LABELS, tables.GAPS, tables.TIMING):
+    for columns in tables.FILES.values():
         assert len(set(columns)) == len(columns)
         assert all(tables.meanings()[name] for name in columns)
 
@@ -158,8 +169,12 @@ def test_fields(value, text):
     assert cell(value) == text
 
 
-LABEL = LabelScore("t", "partly", 0.1 + 0.2, None, 2.0, 1.0, 1 / 3, True, 2)
-HIDDEN = LabelScore("h", "shadowed", 4.0, 0.5, 0.0, None, None, None, None)
+LABEL = LabelScore(
+    *("t", "partly", 0.1 + 0.2, None, 2.0, 1.0, 1 / 3, True, 2),
+    *(-0.25, 0.5, 12, 3, -0.1, 0.6, 2.5),
+    *(False, 0.125, None, True, -0.5, 0.25, 1.5),
+)
+HIDDEN = LabelScore("h", "shadowed", 4.0, 0.5, 0.0, None, None, None, None, bearing=0.5, width=0.5, area=1.0)
 
 
 def test_rows_of_labels(tmp_path):
@@ -176,14 +191,30 @@ def test_rows_of_labels(tmp_path):
         "iou": repr(1 / 3),
         "hit": "true",
         "gaps": "2",
+        "near_edge_median": "-0.25",
+        "near_edge_max": "0.5",
+        "near_edge_rays": "12",
+        "near_edge_missed": "3",
+        "bearing": "-0.1",
+        "width": "0.6",
+        "area": "2.5",
+        "npca_traversable": "false",
+        "npca_length_error": "0.125",
+        "npca_yaw_error": "",
+        "pca_traversable": "true",
+        "pca_length_error": "-0.5",
+        "pca_yaw_error": "0.25",
+        "axis_angle": "1.5",
     }
-    empty = dict.fromkeys(("covered_area", "iou", "hit", "gaps"), "")
-    assert second == shown | empty | {
+    assert second == shown | dict.fromkeys(LABEL_COLUMNS[8:], "") | {
         "label": "h",
         "state": "shadowed",
         "range": "4.0",
         "length": "0.5",
         "visible_area": "0.0",
+        "bearing": "0.5",
+        "width": "0.5",
+        "area": "1.0",
     }
 
 
@@ -328,7 +359,7 @@ def test_files_appear_only_if_the_block_ends_well(tmp_path, error):
     folder = tmp_path / "new"
 
     def interrupted():
-        with open_store(folder, POINTS) as store:
+        with open_store(folder, POINTS, {"a.bag": np.array([1])}, 2.0) as store:
             store.add("a.bag", 1, together([answer()] * 3), {})
             assert not any((folder / name).exists() for name in FILES)
             raise error
@@ -343,7 +374,7 @@ def test_an_older_result_stays_until_the_new_one_is_complete(tmp_path):
     before = {name: (tmp_path / name).read_bytes() for name in FILES}
 
     def interrupted():
-        with open_store(tmp_path, POINTS) as store:
+        with open_store(tmp_path, POINTS, {"a.bag": np.array([1])}, 2.0) as store:
             store.add("a.bag", 1, together([answer(hits=2)] * 3), {})
             assert {name: (tmp_path / name).read_bytes() for name in FILES} == before
             raise BreakOffError
@@ -382,7 +413,7 @@ def test_a_single_file_is_whole_or_not_there(tmp_path):
 def test_a_folder_that_cannot_be_written_is_named_in_one_line(tmp_path):
     (tmp_path / "file").write_text("in the way")
     for folder in (tmp_path / "file", tmp_path / "file" / "below"):
-        with pytest.raises(GapevalError) as caught, open_store(folder, POINTS):
+        with pytest.raises(GapevalError) as caught, open_store(folder, POINTS, {"a.bag": np.array([1])}, 2.0):
             pass
         assert str(caught.value).startswith(f"{folder}: cannot write here: ")
         assert str(caught.value).endswith("choose another folder")
@@ -391,7 +422,7 @@ def test_a_folder_that_cannot_be_written_is_named_in_one_line(tmp_path):
 
 def test_an_error_of_reading_is_not_blamed_on_the_folder(tmp_path):
     def reading():
-        with open_store(tmp_path, POINTS):
+        with open_store(tmp_path, POINTS, {"a.bag": np.array([1])}, 2.0):
             (tmp_path / "drive.bag").read_bytes()
 
     with pytest.raises((OSError, GapevalError)) as caught:
@@ -439,8 +470,12 @@ def test_the_table_of_the_best_shows_what_differs(tmp_path):
     lines = best_table(store).splitlines()
     head = next(index for index, line in enumerate(lines) if line.startswith("configuration"))
     assert lines[head].split()[:3] == ["configuration", "n_o", "hit_rate"]
-    found = [line.split()[:3] for line in lines[head + 1 :]]
+    found = [line.split()[:3] for line in lines[head + 1 : head + 4]]
     assert found == [[POINTS[1].id, "1", "0.75"], [POINTS[2].id, "2", "0.5"], [POINTS[0].id, "0", "0.25"]]
+    assert lines[head + 4 :] == [
+        "",
+        f"95 % intervals of {POINTS[1].id}: fp_per_frame 0 to 3.689, pq 0 to 0.975; see scoring.md",
+    ]
 
 
 def test_without_labels_there_is_no_best_table(tmp_path):

@@ -44,6 +44,13 @@ SUMS_BY_HAND = {
     "pca_length_error_sum": 3.0,
     "pca_yaws": 2,
     "pca_yaw_error_sum": 0.25,
+    "edges": 16,
+    "edge_median_sum": 0.8,
+    "edge_max_sum": 4.0,
+    "edge_rays": 200,
+    "edge_rays_missed": 30,
+    "paired_over_area_sum": 5.0,
+    "shadowed_gaps": 1,
 }
 BY_HAND = {
     "hit_rate": 15 / 20,
@@ -65,6 +72,12 @@ BY_HAND = {
     "pca_length_error": 3 / 4,
     "pca_yaw_error": 0.25 / 2,
     "axis_angle": 12 / 48,
+    "near_edge_error": 0.8 / 16,
+    "near_edge_late": 4 / 16,
+    "near_edge_missed": 30 / 200,
+    "under_coverage": 10 / 40,
+    "over_coverage": 5 / 40,
+    "shadow_gaps": 1 / 8,
 }
 HIGHER = {"hit_rate", "coverage", "precision", "recall", "f1", "sq", "rq", "pq"}
 

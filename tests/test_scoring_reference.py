@@ -31,10 +31,11 @@ COUNTED = [
     "not_counted",
     "scored_frames",
     "empty_frames",
+    "shadowed_gaps",
     "gaps",
     "frames",
 ]
-MEASURED = ("iou_sum", "label_area", "covered_area", "over_area_sum")
+MEASURED = ("iou_sum", "label_area", "covered_area", "over_area_sum", "paired_over_area_sum")
 SIDE = 8
 RANDOM = settings(
     deadline=None,
@@ -129,7 +130,10 @@ def naive(world, rules, area, empty, sliver=0.0):
         elif not paired:
             false.append(d)
 
-    outside_labels = together(parts) - together([*world.labels.values(), *world.ignores])
+    everything = together([*world.labels.values(), *world.ignores])
+    outside_labels = together(parts) - everything
+    paired_parts = [part for d, part in enumerate(parts) if any((d, name) in belongs for name in asked)]
+    shadowed = [d for d in false if not at_least(area(parts[d]), area(world.gaps[d] & world.domain) / 2)]
     sums = {
         "frames": 1,
         "gaps": len(parts),
@@ -150,6 +154,8 @@ def naive(world, rules, area, empty, sliver=0.0):
         "label_area": sum(area(seen[name]) for name in asked),
         "covered_area": sum(covered.values()),
         "over_area_sum": area(outside_labels),
+        "paired_over_area_sum": area(together(paired_parts) - everything),
+        "shadowed_gaps": len(shadowed),
     }
     rows = {
         name: {

@@ -349,14 +349,15 @@ def test_no_label_and_no_gap():
         "empty_frames": 1,
     }
     defined = {name: value for name, value in figures(found).items() if value is not None}
-    assert defined == {"over_area": 0.0, "fp_per_frame": 0.0}
+    assert defined == {"over_area": 0.0, "fp_per_frame": 0.0, "shadow_gaps": 0.0}
 
 
 def test_labels_without_gaps():
     found = figures(sums([label("p", box(0, 0, 2, 1))], []))
     defined = {name: value for name, value in found.items() if value is not None}
     zero = dict.fromkeys(("hit_rate", "coverage", "over_area", "fp_per_frame", "recall", "f1", "rq", "pq"), 0)
-    assert defined == zero
+    zero |= dict.fromkeys(("over_coverage", "shadow_gaps"), 0)
+    assert defined == zero | {"near_edge_missed": 1, "under_coverage": 1}
 
 
 def test_gaps_without_labels():
@@ -369,6 +370,7 @@ def test_gaps_without_labels():
         "f1": 0.0,
         "rq": 0.0,
         "pq": 0.0,
+        "shadow_gaps": 0.0,
     }
 
 

@@ -11,6 +11,7 @@ PACKAGE = Path(__file__).parent.parent / "gapeval"
 FLOORS = [
     "cli",
     "report",
+    "studies",
     "results",
     "sweep",
     "scoring",

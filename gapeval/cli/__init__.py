@@ -14,6 +14,7 @@ from gapeval.cli.labels import labels
 from gapeval.cli.report import report
 from gapeval.cli.score import score
 from gapeval.cli.simulate import simulate
+from gapeval.cli.study import study
 from gapeval.cli.sweep import sweep
 from gapeval.errors import ConfigError, GapevalError
 
@@ -44,7 +45,7 @@ def cli(context: click.Context, debug: bool, verbose: bool) -> None:
     context.obj = {"debug": debug, "verbose": verbose}
 
 
-for _command in (info, detect, score, sweep, report, labels, simulate, demo):
+for _command in (info, detect, score, sweep, study, report, labels, simulate, demo):
     cli.add_command(_command)
 
 

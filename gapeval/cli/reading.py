@@ -44,6 +44,9 @@ def open_logs(paths: Sequence[Path], settings: "LogSection") -> list["Recording"
             say(f"{path}: refused {count}: {reason}" + (f" (stamps {stamps})" if stamps else ""))
         for notice in recording.notices:
             say(f"{path}: {notice}")
+        for name in ("pose_error", "pose_noise"):
+            if error := getattr(recording, name):
+                say(f"{path}: {name} {error}: points are not where they were measured")
     return recordings
 
 

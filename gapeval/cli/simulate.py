@@ -51,6 +51,27 @@ def print_list(context: click.Context, _: click.Parameter, wanted: bool) -> None
     help="Varies layout and noise, not the character of the scene.",
 )
 @click.option(
+    "--roughness",
+    type=float,
+    metavar="M",
+    help="Standard deviation of the ground, 0 to 0.1 m; default: 0.01.",
+)
+@click.option(
+    "--slope",
+    type=float,
+    metavar="DEG",
+    help="Angle of the ramp of scene slope, 0 to 45 degrees; default: by the seed.",
+)
+@click.option("--without-obstacles", is_flag=True, help="Leave out what stands lower than 2 m.")
+@click.option(
+    "--density",
+    type=float,
+    default=1.0,
+    show_default=True,
+    metavar="N",
+    help="So many times the rays: scans of a rolling sensor, columns of a spinning one.",
+)
+@click.option(
     "--list",
     is_flag=True,
     is_eager=True,
@@ -58,7 +79,18 @@ def print_list(context: click.Context, _: click.Parameter, wanted: bool) -> None
     callback=print_list,
     help="Show scenes and sensors, and exit.",
 )
-def simulate(scene: str, output: Path, sensor: str, container: str, frames: int | None, seed: int) -> None:
+def simulate(
+    scene: str,
+    output: Path,
+    sensor: str,
+    container: str,
+    frames: int | None,
+    seed: int,
+    roughness: float | None,
+    slope: float | None,
+    without_obstacles: bool,
+    density: float,
+) -> None:
     """Simulate a log whose gaps are known exactly: clouds, poses and labels.
 
     Writes the log and labels.geojson. Labels say what can be crossed by the sensor's robot, from geometry
@@ -69,8 +101,11 @@ def simulate(scene: str, output: Path, sensor: str, container: str, frames: int 
       gapeval simulate --list
       gapeval simulate tunnel -o tunnel/
       gapeval simulate approach --sensor os1-64 --format ros2 --frames 40 --seed 3 -o approach/
+      gapeval simulate slope --slope 20 --roughness 0.03 -o slope-20/
       gapeval sweep tunnel/tunnel.mcap --labels tunnel/labels.geojson --config configs/lms151.yaml
     """
     from gapeval.cli.simulating import simulate_log
+    from gapeval.simulate.variation import Variation
 
-    simulate_log(scene, sensor, frames, seed, container, output)
+    variation = Variation(roughness, slope, not without_obstacles, density)
+    simulate_log(scene, sensor, frames, seed, container, output, variation)

@@ -51,8 +51,9 @@ def sweep(
     """Evaluate a grid of configurations over all frames of all logs.
 
     Every combination of the values in the configuration's `grid` section and in -p is evaluated. Without
-    labels, gaps and timings only. Writes summary.csv, frames.csv, labels.csv, timing.csv, config.yaml and
-    manifest.json, and parts/, from which the same command goes on where an earlier one was stopped.
+    labels, gaps and timings only. Writes summary.csv, frames.csv, labels.csv, hits.csv, approaches.csv,
+    timing.csv, config.yaml and manifest.json, and parts/, from which the same command goes on where an
+    earlier one was stopped.
 
     \b
     Example:

@@ -31,6 +31,7 @@ from gapeval.results.parts import Input, Order, locked, read_order
 from gapeval.sweep.cluster import connected, on_cluster, scheduler_address
 from gapeval.sweep.executor import Finished, Workers, in_processes, in_this_process
 from gapeval.sweep.grid import configurations
+from gapeval.sweep.units import Unit
 
 AGAIN = "mend that, and run the same command again"
 
@@ -132,7 +133,7 @@ def told_how_to_go_on(output: Path) -> Iterator[None]:
         ) from interrupt
 
 
-def _evaluate(begun: Begun, way: Way, advance: Callable[[int], object]) -> list[Finished]:
+def _evaluate(begun: Begun, way: Way, advance: Callable[[int], object]) -> list[Finished[Unit]]:
     """The units that failed."""
     failed = []
     with _workers(begun, way) as workers, closing(evaluate_missing(begun, workers, advance)) as failures:
@@ -146,7 +147,7 @@ def _evaluate(begun: Begun, way: Way, advance: Callable[[int], object]) -> list[
 
 
 @contextmanager
-def _workers(begun: Begun, way: Way) -> Iterator[Workers]:
+def _workers(begun: Begun, way: Way) -> Iterator[Workers[Unit]]:
     task = begun.sweep.task
     jobs = min(way.jobs or os.cpu_count() or 1, len(begun.there.missing))
     if way.executor is not None and begun.there.missing:
@@ -157,7 +158,7 @@ def _workers(begun: Begun, way: Way) -> Iterator[Workers]:
         yield in_processes(make_part, task, jobs) if jobs > 1 else in_this_process(make_part, task)
 
 
-def _told(failed: Sequence[Finished], begun: Begun) -> str:
+def _told(failed: Sequence[Finished[Unit]], begun: Begun) -> str:
     frames = counted(sum(len(one.unit.span) for one in failed), "frame")
     return (
         f"{len(failed)} of {counted(len(begun.there.missing), 'unit')} failed, {frames}: "

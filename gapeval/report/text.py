@@ -4,11 +4,21 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gapeval.results.store import Store
-from gapeval.results.tables import PARAMETERS
+from gapeval.results.tables import PARAMETERS, Point
 from gapeval.scoring.metrics import COUNTS, METRICS, figures
 
 BEST_ROWS = 5
-BEST_METRICS = ("hit_rate", "fp_per_frame", "pq", "coverage", "over_area", "splits", "merges")
+BEST_METRICS = (
+    "hit_rate",
+    "fp_per_frame",
+    "pq",
+    "coverage",
+    "over_area",
+    "near_edge_error",
+    "splits",
+    "merges",
+)
+WITH_INTERVAL = ("hit_rate", "fp_per_frame", "pq")
 IF_LABELLED = ("npca_accuracy", "pca_accuracy")  # shown where labels say what can be crossed
 
 
@@ -49,7 +59,18 @@ def best_table(store: Store, also: str = "") -> str:
                 *(short(found[name]) for name in shown),
             )
         )
-    return title + columns(("configuration", *varied, *shown), rows)
+    return title + columns(("configuration", *varied, *shown), rows) + _intervals(store, ranked[0])
+
+
+def _intervals(store: Store, best: Point) -> str:
+    """How sure the figures of the best are, as far as it is known."""
+    found = store.limits(best)
+    known = [
+        f"{name} {short(low)} to {short(high)}"
+        for name in WITH_INTERVAL
+        if (low := found.get(f"{name}_low")) is not None and (high := found.get(f"{name}_high")) is not None
+    ]
+    return f"\n\n95 % intervals of {best.id}: {', '.join(known)}; see scoring.md" if known else ""
 
 
 def _no_ranking(store: Store) -> str:

@@ -5,6 +5,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from pydantic import ValidationError
 
 from gapeval.config import Config, Configuration
@@ -53,7 +54,13 @@ def score_detections(
         )
     frames = [with_domain(frame, detections, config) for frame in frames]
     where = filed_under(detections)
-    with open_store(folder, [where]) if folder else nullcontext(Store({}, [where])) as store:
+    timelines = {detections.log: np.array([frame.stamp for frame in frames], dtype=np.int64)}
+    block = config.scoring.block
+    with (
+        open_store(folder, [where], timelines, block)
+        if folder
+        else nullcontext(Store({}, [where], timelines, block))
+    ) as store:
         for frame in frames:
             answers = rescored(frame, labels, detections.robot_frame, config.scoring)
             store.add(detections.log, frame.stamp, answers, {})

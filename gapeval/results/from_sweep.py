@@ -32,7 +32,7 @@ from gapeval.sweep.evaluation import Question
 from gapeval.sweep.executor import Finished, Workers, results
 from gapeval.sweep.grid import configurations
 from gapeval.sweep.provenance import content_digest, content_sample
-from gapeval.sweep.units import Span, Task, split
+from gapeval.sweep.units import Span, Task, Unit, split
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,11 +85,16 @@ class Outcome:
 
 
 def plan(
-    config: Config, recordings: Sequence[Recording], labels: Sequence[Labels], keep_gaps: bool = False
+    config: Config,
+    recordings: Sequence[Recording],
+    labels: Sequence[Labels],
+    keep_gaps: bool = False,
+    names: Sequence[str] = (),
 ) -> Sweep:
     """Raises GapevalError where logs, labels and configuration do not go together.
 
-    labels: none, one for all recordings, or one for each.
+    labels: none, one for all recordings, or one for each. names: of the logs in the results, by default
+    their paths; needed where a log is read in several ways.
     """
     if len(labels) not in (0, 1, len(recordings)):
         raise ConfigError(
@@ -100,8 +105,8 @@ def plan(
         require_frames(drawn, recording.robot_frame, recording.fixed_frame)
     found = configurations(config)
     question = Question(found, config.scoring, *common_domain(found, config.scoring), keep_gaps)
-    names = log_names([recording.path for recording in recordings])
-    task = Task(tuple(recordings), names, tuple(each) or (None,) * len(recordings), question)
+    called = tuple(names) or log_names([recording.path for recording in recordings])
+    task = Task(tuple(recordings), called, tuple(each) or (None,) * len(recordings), question)
     return Sweep(config, tuple(labels), task)
 
 
@@ -126,8 +131,8 @@ def begin(sweep: Sweep, parts: Path) -> Begun:
 
 
 def evaluate_missing(
-    begun: Begun, workers: Workers, advance: Callable[[int], object]
-) -> Generator[Finished, None, None]:
+    begun: Begun, workers: Workers[Unit], advance: Callable[[int], object]
+) -> Generator[Finished[Unit], None, None]:
     """Evaluate what is not there and keep each part as it comes; yields the units that failed.
 
     advance: called with the frames of each unit. Raises GapevalError where a part cannot be written.
@@ -144,14 +149,18 @@ def evaluate_missing(
                 yield one
 
 
-def write_results(begun: Begun, failed: Sequence[Finished], folder: Path) -> Outcome:
+def write_results(begun: Begun, failed: Sequence[Finished[Unit]], folder: Path) -> Outcome:
     """The result files, from all parts, one span at a time. Spans of which a unit failed are left out."""
     sweep, task = begun.sweep, begun.sweep.task
     lost = {one.unit.span for one in failed}
     tallies = [LogTally(dict(recording.refused)) for recording in task.recordings]
     points = [point(configuration) for configuration in task.question.configurations]
     ids = [one.id for one in points]
-    with open_store(folder, points, task.question.keep_gaps) as store:
+    timelines = {
+        name: recording.scans.stamps for name, recording in zip(task.names, task.recordings, strict=True)
+    }
+    block = sweep.config.scoring.block
+    with open_store(folder, points, timelines, block, task.question.keep_gaps) as store:
         for span in begun.spans:
             if span not in lost:
                 _merge(begun, span, ids, tallies[span.recording], store)
@@ -189,11 +198,13 @@ def _merge(begun: Begun, span: Span, ids: Sequence[str], tally: LogTally, store:
         store.write(file, rows)
     for frame, digest in enumerate(unit.first.digests):
         tally.add(digest, int(unit.first.points[frame]), int(unit.first.dropped[frame]))
-        store.count(name, unit.sums[frame])
+        store.count(
+            name, int(unit.first.stamps[frame]), unit.sums[frame], unit.first.asked[frame], unit.hits[frame]
+        )
         store.time(name, [(part.spent[frame], len(part.ids)) for part in unit.parts])
 
 
-def _failure(task: Task, failed: Finished) -> dict[str, Any]:
+def _failure(task: Task, failed: Finished[Unit]) -> dict[str, Any]:
     """An entry of the manifest."""
     span = failed.unit.span
     stamps = task.recordings[span.recording].scans.stamps[span.first : span.last].tolist()
@@ -206,7 +217,7 @@ def _failure(task: Task, failed: Finished) -> dict[str, Any]:
     }
 
 
-def reason(failed: Finished) -> str:
+def reason(failed: Finished[Unit]) -> str:
     """Why a unit failed, in one line."""
     text = " ".join(str(failed.error).split())
     return text if isinstance(failed.error, GapevalError) else f"{type(failed.error).__name__}: {text}"

@@ -37,7 +37,11 @@ class LogTally:
 
 
 def log_entry(name: str, recording: Recording, tally: LogTally) -> dict[str, Any]:
-    """One log: what it is, what was picked in it, how much was read and what was refused."""
+    """One log: what it is, what was picked in it, how much was read and what was refused.
+
+    Errors of poses are named only where there are any.
+    """
+    errors = {"pose_error": recording.pose_error, "pose_noise": recording.pose_noise}
     return {
         "log": name,
         "sha256": tally.identity.hexdigest(),
@@ -54,6 +58,7 @@ def log_entry(name: str, recording: Recording, tally: LogTally) -> dict[str, Any
         "points": tally.points,
         "points_dropped": tally.dropped,
         "notices": list(recording.notices),
+        **{name: error.model_dump() for name, error in errors.items() if error is not None},
     }
 
 

@@ -4,14 +4,16 @@ import io
 import json
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.frame import FloatArray
-from gapeval.results.rows import FRAMES, GAPS, LABELS, rows_of
+from gapeval.results.rows import rows_of
+from gapeval.results.tables import FRAMES, GAPS, LABELS
+from gapeval.scoring.scene import AskedLabel
 from gapeval.sweep.units import Task, Unit, run_unit
 
 if sys.version_info >= (3, 14):
@@ -29,7 +31,8 @@ class Part:
 
     key, first, last: what it was made from, and which frames; see results.parts.
     ids: of the configurations, in the order of the sweep that made it. gaps: whether it has rows of gaps.csv.
-    refusals: why clouds were refused, one text each, in order. digests, points, dropped: of each frame.
+    refusals: why clouds were refused, one text each, in order. stamps, digests, points, dropped: of each
+    frame. asked: of each frame, its labels (A) that were asked for. hits: (C, sum of A) of them.
     sums: (n, C, len(SUMS)). rows: of each file, its rows. ends: of each file, (n, C), where in its text the
     rows of that frame and configuration end. spent: of each frame, by stage: mean seconds, and how often.
     """
@@ -40,9 +43,12 @@ class Part:
     ids: tuple[str, ...]
     gaps: bool
     refusals: tuple[str, ...]
+    stamps: NDArray[np.int64]
     digests: tuple[bytes, ...]
     points: NDArray[np.int64]
     dropped: NDArray[np.int64]
+    asked: tuple[tuple[AskedLabel, ...], ...]
+    hits: NDArray[np.bool_]
     sums: FloatArray
     rows: Mapping[str, str]
     ends: Mapping[str, NDArray[np.int64]]
@@ -58,7 +64,9 @@ def make_part(task: Task, unit: Unit, stopped: Callable[[], bool]) -> bytes:
     ids = [task.question.configurations[index].id for index in unit.configurations]
     name = task.names[unit.span.recording]
     refusals: list[str] = []
-    digests, points, dropped, sums, spent = [], [], [], [], []
+    stamps, digests, points, dropped, sums, spent = [], [], [], [], [], []
+    asked: list[tuple[AskedLabel, ...]] = []
+    hits = [np.zeros((len(ids), 0), dtype=np.bool_)]
     texts: dict[str, list[str]] = {file: [] for file in FILES}
     for frame in run_unit(task, unit, stopped):
         if frame.answers is None:
@@ -67,9 +75,12 @@ def make_part(task: Task, unit: Unit, stopped: Callable[[], bool]) -> bytes:
         rows = rows_of(name, frame.stamp, ids, frame.answers)
         for file, each in {FRAMES: rows.frames, LABELS: rows.labels, GAPS: rows.gaps}.items():
             texts[file] += each
+        stamps.append(frame.stamp)
         digests.append(frame.digest)
         points.append(frame.points)
         dropped.append(frame.dropped)
+        asked.append(frame.answers.asked)
+        hits.append(frame.answers.hits)
         sums.append(frame.answers.sums)
         spent.append({stage: (sum(each) / len(each), len(each)) for stage, each in frame.spent.items()})
     shape = (len(digests), len(ids))
@@ -81,9 +92,12 @@ def make_part(task: Task, unit: Unit, stopped: Callable[[], bool]) -> bytes:
             ids=tuple(ids),
             gaps=task.question.keep_gaps,
             refusals=tuple(refusals),
+            stamps=np.array(stamps, dtype=np.int64),
             digests=tuple(digests),
             points=np.array(points, dtype=np.int64),
             dropped=np.array(dropped, dtype=np.int64),
+            asked=tuple(asked),
+            hits=np.concatenate(hits, axis=1),
             sums=np.array(sums, dtype=np.float64).reshape(*shape, -1) if sums else np.zeros((*shape, 0)),
             rows={file: "".join(each) for file, each in texts.items()},
             ends={file: _ends(each).reshape(shape) for file, each in texts.items()},
@@ -102,12 +116,15 @@ def packed(part: Part) -> bytes:
         "gaps": part.gaps,
         "refusals": part.refusals,
         "spent": part.spent,
+        "asked": [[astuple(label) for label in frame] for frame in part.asked],
     }
     arrays: dict[str, NDArray[Any]] = {
         "about": _bytes(json.dumps(about)),
+        "stamps": part.stamps,
         "digests": np.frombuffer(b"".join(part.digests), np.uint8),
         "points": part.points,
         "dropped": part.dropped,
+        "hits": part.hits,
         "sums": part.sums,
     }
     arrays |= {f"rows {file}": _bytes(rows) for file, rows in part.rows.items()}
@@ -130,9 +147,12 @@ def unpacked(content: bytes) -> Part:
                 ids=tuple(about["ids"]),
                 gaps=about["gaps"],
                 refusals=tuple(about["refusals"]),
+                stamps=arrays["stamps"],
                 digests=tuple(digests[start : start + 32] for start in range(0, len(digests), 32)),
                 points=arrays["points"],
                 dropped=arrays["dropped"],
+                asked=tuple(tuple(AskedLabel(*label) for label in frame) for frame in about["asked"]),
+                hits=arrays["hits"],
                 sums=arrays["sums"],
                 rows={file: arrays[f"rows {file}"].tobytes().decode() for file in FILES},
                 ends={file: arrays[f"ends {file}"] for file in FILES},
@@ -156,13 +176,13 @@ def _ends(texts: Sequence[str]) -> NDArray[np.int64]:
 class Merged:
     """A unit under all configurations (C) that are asked for, from one part or several.
 
-    rows: of each file. sums: of each frame, (C, len(SUMS)). spent: of each frame, for each part: what it took
-    by stage, under how many configurations.
+    rows: of each file. Of each frame: sums (C, len(SUMS)), hits (C, A).
     """
 
     first: Part
     rows: dict[str, str]
     sums: FloatArray
+    hits: list[NDArray[np.bool_]]
     parts: tuple[Part, ...]
 
 
@@ -170,7 +190,8 @@ def merged(parts: Sequence[Part], ids: Sequence[str], files: Iterable[str]) -> M
     """The parts of a unit as one, in the order of these configurations, each of which is in some part."""
     first = parts[0]
     if first.ids == tuple(ids):
-        return Merged(first, {file: first.rows[file] for file in files}, first.sums, (first,))
+        rows = {file: first.rows[file] for file in files}
+        return Merged(first, rows, first.sums, _by_frame(first, first.hits), (first,))
     places = {name: (part, column) for part in reversed(parts) for column, name in enumerate(part.ids)}
     chosen = [places[name] for name in ids]
     used = tuple(part for part in parts if any(part is one for one, _ in chosen))
@@ -185,4 +206,11 @@ def merged(parts: Sequence[Part], ids: Sequence[str], files: Iterable[str]) -> M
                 texts.append(part.rows[file][starts[id(part)][index] : ends[id(part)][index]])
         rows[file] = "".join(texts)
     sums = np.stack([part.sums[:, column] for part, column in chosen], axis=1)
-    return Merged(first, rows, sums, used)
+    hits = np.stack([part.hits[column] for part, column in chosen])
+    return Merged(first, rows, sums, _by_frame(first, hits), used)
+
+
+def _by_frame(part: Part, hits: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
+    """Hits (C, sum of A) frame by frame."""
+    ends = np.cumsum([len(asked) for asked in part.asked], dtype=np.intp)
+    return np.split(hits, ends[:-1], axis=1) if len(ends) else []

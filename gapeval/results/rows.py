@@ -15,7 +15,6 @@ from gapeval.scoring.metrics import SUMS, WITHOUT_LABELS
 from gapeval.sweep.evaluation import Answers
 
 T = TypeVar("T")
-FRAMES, LABELS, GAPS = "frames.csv", "labels.csv", "gaps.csv"
 COUNTS = [str(count) for count in range(1000)]
 SCORED = tuple(SUMS).index("scored_frames")
 

@@ -14,9 +14,13 @@ import numpy as np
 from gapeval.files import make_folder, whole_files
 from gapeval.frame import FloatArray
 from gapeval.results import tables
-from gapeval.results.rows import FRAMES, GAPS, LABELS, rows_of
-from gapeval.results.tables import Point
+from gapeval.results.hits import Hits
+from gapeval.results.rows import rows_of
+from gapeval.results.tables import APPROACHES, FRAMES, GAPS, HITS, LABELS, SUMMARY, TIMING, Point
+from gapeval.results.tally import SEED, AllSums, LogSums, Total
+from gapeval.scoring.intervals import Stamps
 from gapeval.scoring.metrics import SUMS, figures
+from gapeval.scoring.scene import AskedLabel
 from gapeval.sweep.evaluation import Answers
 
 ALL = "all"
@@ -47,38 +51,35 @@ class Stage:
         self.served += configurations
 
 
-@dataclass(slots=True)
-class Totals:
-    """Sums (C, len(SUMS)) by log (None: all together), and the seconds of each stage by log."""
-
-    configurations: int
-    sums: dict[str | None, FloatArray] = field(default_factory=dict)
-    stages: dict[tuple[str, str], Stage] = field(default_factory=dict)
-
-    def of(self, log: str | None) -> FloatArray:
-        if log not in self.sums:
-            self.sums[log] = np.zeros((self.configurations, len(SUMS)))
-        return self.sums[log]
-
-
 class Store:
     """Open result files. Made by `open_store`."""
 
-    def __init__(self, files: Mapping[str, IO[str]], points: Sequence[Point]) -> None:
+    def __init__(
+        self,
+        files: Mapping[str, IO[str]],
+        points: Sequence[Point],
+        timelines: Mapping[str, Stamps],
+        block: float,
+    ) -> None:
         self.points = points
         self._files = files
-        self._totals = Totals(len(points))
+        self._timelines = timelines
+        self._block = block
+        self._all = AllSums(len(points))
+        self._current: tuple[str, LogSums] | None = None
+        self._totals: dict[str | None, Total] = {}
+        self._stages: dict[tuple[str, str], Stage] = {}
         self._rows = {point.id: row for row, point in enumerate(points)}
-        for name, columns in {FRAMES: tables.FRAMES, LABELS: tables.LABELS, GAPS: tables.GAPS}.items():
-            if name in files:
-                _table(files[name], columns)
+        self._tables = {
+            name: _table(files[name], columns) for name, columns in tables.FILES.items() if name in files
+        }
 
     def add(self, log: str, stamp: int, answers: Answers, spent: Mapping[str, Sequence[float]]) -> None:
         """One frame: its answers in the order of the points; frames come in order of log and stamp."""
         rows = rows_of(log, stamp, [point.id for point in self.points], answers)
         for name, texts in {FRAMES: rows.frames, LABELS: rows.labels, GAPS: rows.gaps}.items():
             self.write(name, "".join(texts))
-        self.count(log, answers.sums)
+        self.count(log, stamp, answers.sums, answers.asked, answers.hits)
         seconds = {stage: (sum(each) / len(each), len(each)) for stage, each in spent.items()}
         self.time(log, [(seconds, len(self.points))])
 
@@ -87,11 +88,27 @@ class Store:
         if name in self._files:  # gaps only on request, nothing where nothing is to be written
             self._files[name].write(rows)
 
-    def count(self, log: str, sums: FloatArray) -> None:
-        """The sums (C, len(SUMS)) of one frame, which come in order of log and stamp."""
-        for name in (log, None):
-            total = self._totals.of(name)
-            total += sums
+    def count(self, log: str, stamp: int, sums: FloatArray, asked: Sequence[AskedLabel], hits: Hits) -> None:
+        """One frame, which come in order of log and stamp: sums (C, len(SUMS)), hits (C, A) of labels."""
+        if self._current is None or self._current[0] != log:
+            self._end_log()
+            seed = [SEED, len(self._totals)]
+            self._current = log, LogSums(len(self.points), self._timelines[log], self._block, seed)
+        self._current[1].add(stamp, sums, asked, hits)
+        self._all.sums += sums
+
+    def _end_log(self) -> None:
+        """Nothing more comes of the log that is being counted."""
+        if self._current is None:
+            return
+        name, log = self._current
+        self._current = None
+        self._totals[name] = log.total()
+        self._all.include(log, self._totals[name])
+        if APPROACHES in self._tables:
+            for index, point in enumerate(self.points):
+                head = {"log": name, "configuration": point.id}
+                self._tables[APPROACHES].writerows(_cells(head | row) for row in log.approaches.rows(index))
 
     def time(self, log: str, evaluations: Iterable[tuple[Mapping[str, tuple[float, int]], int]]) -> None:
         """What one frame took, each time it was evaluated, and under how many configurations.
@@ -106,22 +123,25 @@ class Store:
             times = sum(count for _, count, _ in each)
             mean = sum(seconds * count for seconds, count, _ in each) / times
             served = sum(configurations for _, _, configurations in each)
-            self._totals.stages.setdefault((log, stage), Stage()).add(mean, times, served)
+            self._stages.setdefault((log, stage), Stage()).add(mean, times, served)
 
     def finish(self, config: str, manifest: Mapping[str, Any], logs: Sequence[str]) -> None:
         """The files that need all frames: summary, timing, configuration (YAML) and manifest."""
-        summary = _table(self._files["summary.csv"], tables.SUMMARY)
+        self._end_log()
+        nothing = LogSums(len(self.points), np.empty(0, dtype=np.int64), self._block, [SEED]).total()
+        self._totals[None] = self._all.total()
         for log in (*logs, None):
             best = self.ranked(log)[:1]
-            for point in self.points:
+            total = self._totals.get(log, nothing)
+            for index, point in enumerate(self.points):
+                head = {"log": log or ALL, "configuration": point.id}
+                self._tables[HITS].writerows(_cells(head | row) for row in total.hits.rows(index))
                 sums = self.sums(point, log)
                 chosen = point in best and len(self.points) > 1
-                row = {"log": log or ALL, "configuration": point.id, "best": True if chosen else None}
-                row |= point.parameters | figures(sums) | tables.sums_row(sums)
-                summary.writerow(_cells(row))
-        timing = _table(self._files["timing.csv"], tables.TIMING)
-        for row in self.timings():
-            timing.writerow(_cells(row))
+                row = head | {"best": True if chosen else None} | point.parameters | figures(sums)
+                row |= self.limits(point, log) | total.first_hits.figures(index) | tables.sums_row(sums)
+                self._tables[SUMMARY].writerow(_cells(row))
+        self._tables[TIMING].writerows(_cells(row) for row in self.timings())
         self._files["config.yaml"].write(config)
         json.dump(manifest, self._files[MANIFEST], indent=2, ensure_ascii=False)
         self._files[MANIFEST].write("\n")
@@ -145,7 +165,24 @@ class Store:
         return tuple(self._files)
 
     def sums(self, point: Point, log: str | None = None) -> dict[str, float]:
-        return dict(zip(SUMS, self._totals.of(log)[self._rows[point.id]].tolist(), strict=True))
+        if log is None:
+            found = self._all.sums
+        elif log in self._totals:
+            found = self._totals[log].sums
+        elif self._current is not None and self._current[0] == log:
+            found = self._current[1].sums
+        else:
+            found = np.zeros((len(self.points), len(SUMS)))
+        return dict(zip(SUMS, found[self._rows[point.id]].tolist(), strict=True))
+
+    def limits(self, point: Point, log: str | None = None) -> dict[str, float | None]:
+        """The 95 % interval of each metric when all is finished: M_low, M_high; None where it is unknown."""
+        row, found = self._rows[point.id], {}
+        if log in self._totals:
+            for name, of in self._totals[log].limits.items():
+                for end, value in zip(tables.ENDS, of[:, row].tolist(), strict=True):
+                    found[f"{name}_{end}"] = None if value != value else value
+        return found
 
     def timings(self) -> list[dict[str, Any]]:
         """The rows of timing.csv."""
@@ -158,18 +195,27 @@ class Store:
                 "median": float(np.median(done.seconds)),
                 "p95": float(np.quantile(done.seconds, 0.95)),
             }
-            for (log, stage), done in self._totals.stages.items()
+            for (log, stage), done in self._stages.items()
         ]
 
 
 @contextmanager
-def open_store(folder: Path, points: Sequence[Point], with_gaps: bool = False) -> Iterator[Store]:
-    """The result files of a folder; they appear when the block ends well, the manifest last."""
+def open_store(
+    folder: Path,
+    points: Sequence[Point],
+    timelines: Mapping[str, Stamps],
+    block: float,
+    with_gaps: bool = False,
+) -> Iterator[Store]:
+    """The result files of a folder; they appear when the block ends well, the manifest last.
+
+    timelines: of each log, the stamps of all its clouds [ns]. block: of time [s], see scoring.intervals.
+    """
     make_folder(folder)
     gaps = (GAPS,) if with_gaps else ()
-    names = ("summary.csv", FRAMES, LABELS, *gaps, "timing.csv", "config.yaml", MANIFEST)
+    names = (SUMMARY, FRAMES, LABELS, *gaps, HITS, APPROACHES, TIMING, "config.yaml", MANIFEST)
     with whole_files(folder, names) as files:
-        yield Store(files, points)
+        yield Store(files, points, timelines, block)
     if not with_gaps:  # those of an earlier sweep do not belong to these results
         (folder / GAPS).unlink(missing_ok=True)
 

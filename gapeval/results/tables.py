@@ -1,12 +1,12 @@
 """The columns of the CSV files; names are the same in every file and in docs/results.md."""
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from gapeval.config import Configuration, CrossingRules, Detector, limits
 from gapeval.detections import METHODS, crossing_properties
-from gapeval.scoring.match import LabelScore
+from gapeval.scoring.label_score import LabelScore
 from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS
 from gapeval.sweep.evaluation import GapAnswer
 
@@ -18,30 +18,41 @@ CROSSING = ("d_r", "standoff", "eta", "clearance", "uniform", "rules", "min_obse
 PARAMETERS = ("k", *DETECTOR, *CROSSING)
 METRIC_NAMES = tuple(metric.name for metric in METRICS)
 
-SUMMARY = ("log", "configuration", *PARAMETERS, "best", *METRIC_NAMES, *COUNTS)
-FRAMES = ("log", "stamp", "configuration", "plane_fallback", *SUMS)
-LABELS = (
-    "log",
-    "stamp",
-    "configuration",
-    "label",
-    "state",
-    "range",
-    "length",
-    "visible_area",
-    "covered_area",
-    "iou",
-    "hit",
-    "gaps",
+ENDS = ("low", "high")  # of the 95 % interval of a metric
+
+SUMMARY, FRAMES, LABELS, GAPS = "summary.csv", "frames.csv", "labels.csv", "gaps.csv"
+HITS, APPROACHES, TIMING = "hits.csv", "approaches.csv", "timing.csv"
+
+SUMMARY_COLUMNS = (
+    *("log", "configuration", *PARAMETERS, "best"),
+    *(column for name in METRIC_NAMES for column in (name, *(f"{name}_{end}" for end in ENDS))),
+    *("first_hit_range", "towards_missed", *COUNTS),
 )
+FRAME_COLUMNS = ("log", "stamp", "configuration", "plane_fallback", *SUMS)
+LABEL_COLUMNS = ("log", "stamp", "configuration", *(field.name for field in fields(LabelScore)))
 POSITIONS = tuple(f"{spot}_{axis}" for spot in ("centre", "start", "end") for axis in "xyz")
 CROSSING_COLUMNS = tuple(
     f"{method}_{name}"
     for method in METHODS
     for name in ("traversable", "reason", "length", "yaw", *POSITIONS, "tie")
 )
-GAPS = ("log", "stamp", "configuration", "gap", "area", *CROSSING_COLUMNS)
-TIMING = ("log", "stage", "shared_by", "frames", "median", "p95")
+GAP_COLUMNS = ("log", "stamp", "configuration", "gap", "area", *CROSSING_COLUMNS)
+HIT_COLUMNS = ("log", "configuration", "by", "low", "high", "asked", "hits", "hit_rate")
+APPROACH_COLUMNS = (
+    *("log", "configuration", "label", "width", "asked", "hits", "first_asked", "first_hit"),
+    *("nearest_missed", "nearest", "towards"),
+)
+TIMING_COLUMNS = ("log", "stage", "shared_by", "frames", "median", "p95")
+
+FILES = {
+    SUMMARY: SUMMARY_COLUMNS,
+    FRAMES: FRAME_COLUMNS,
+    LABELS: LABEL_COLUMNS,
+    GAPS: GAP_COLUMNS,
+    HITS: HIT_COLUMNS,
+    APPROACHES: APPROACH_COLUMNS,
+    TIMING: TIMING_COLUMNS,
+}
 
 Row = dict[str, Any]
 
@@ -62,8 +73,23 @@ def meanings() -> dict[str, str]:
         "covered_area": "m2, covered by gaps",
         "iou": "largest IoU with one gap",
         "hit": "whether it was hit; empty if it was not asked for",
+        "near_edge_median": "m, how late the near edge is seen, median over rays; negative: early",
+        "near_edge_max": "m, how late the near edge is seen, largest over rays",
+        "near_edge_rays": "rays through the visible label, every half degree",
+        "bearing": "rad, from below the sensor to that nearest point, robot frame; left is positive",
+        "width": "m, the label's own length, else the least width of its convex hull",
         "gap": "the gap's index in its frame, near gaps first",
         "area": "m2",
+        "by": "what the rows are classes of: `range`, as in labels.csv, or `width`",
+        "low": "m, the class begins here",
+        "high": "m, the class ends before this; `inf`: it has no end",
+        "first_asked": "m, range at the first frame in which the label was asked for",
+        "first_hit": "m, range at the first frame in which it was hit; empty: never",
+        "nearest_missed": "m, nearest range at which it was asked for and not hit; empty: never",
+        "nearest": "m, nearest range at which it was asked for",
+        "towards": "whether the robot drives towards it: `nearest` is 1 m less than `first_asked`, or more",
+        "first_hit_range": "m, mean of `first_hit` in approaches.csv, where `towards` is true",
+        "towards_missed": "labels that the robot drives towards and that were never hit",
         "stage": "a step, by its function; `read`: a cloud; `view`, `scene`: domain, shadow, labels",
         "shared_by": "configurations that one execution serves, on average; 0.5: two for each",
         "median": "s, one execution: median over frames",
@@ -72,6 +98,11 @@ def meanings() -> dict[str, str]:
     for section, names in ((Detector, ("k", *DETECTOR)), (CrossingRules, CROSSING)):
         found |= {name: section.model_fields[name].description or "" for name in names}
     found |= {metric.name: f"{metric.meaning} [{metric.unit}]" for metric in METRICS} | SUMS
+    found |= {
+        f"{name}_{end}": f"{what} end of the 95 % interval of {name}; see scoring.md"
+        for name in METRIC_NAMES
+        for end, what in zip(ENDS, ("lower", "upper"), strict=True)
+    }
     for method in METHODS:
         found |= {
             f"{method}_traversable": "may the robot cross it",
@@ -81,6 +112,24 @@ def meanings() -> dict[str, str]:
             f"{method}_tie": "the shape has no direction of its own",
         }
         found |= {f"{method}_{name}": "m, robot frame" for name in POSITIONS}
+    return found
+
+
+def label_meanings() -> dict[str, str]:
+    """What columns of labels.csv mean that are called the same in other files."""
+    found = {
+        "gaps": "gaps that belong to the label",
+        "area": "m2, of the whole label",
+        "covered_area": "m2, the part of visible_area that gaps cover",
+        "near_edge_missed": "rays of near_edge_rays on which nothing that belongs to the label was found",
+        "axis_angle": "rad, between the axes of npca and pca, of the gap that overlaps the label best",
+    }
+    for method in METHODS:
+        found |= {
+            f"{method}_traversable": "may the robot cross the gap that overlaps it best, if it was hit",
+            f"{method}_length_error": "m, that gap's length - the label's; positive: too long",
+            f"{method}_yaw_error": "rad, axial angle between that gap's way and the label's crossing_yaw",
+        }
     return found
 
 
@@ -114,13 +163,13 @@ def sums_row(sums: Mapping[str, float]) -> Row:
 
 
 def label_rows(labels: Iterable[LabelScore]) -> Iterator[list[Any]]:
-    """What follows the configuration in the columns of LABELS."""
+    """What follows the configuration in the columns of labels.csv."""
     for label in labels:
-        yield [getattr(label, name) for name in LABELS[3:]]
+        yield [getattr(label, name) for name in LABEL_COLUMNS[3:]]
 
 
 def gap_rows(gaps: Iterable[GapAnswer]) -> Iterator[list[Any]]:
-    """What follows the configuration in the columns of GAPS."""
+    """What follows the configuration in the columns of gaps.csv."""
     for index, gap in enumerate(gaps):
         row: Row = {"gap": index, "area": gap.area}
         for method, crossing in gap.crossings.items():
@@ -129,7 +178,7 @@ def gap_rows(gaps: Iterable[GapAnswer]) -> Iterator[list[Any]]:
                     row |= {f"{name}_{axis}": part for axis, part in zip("xyz", value, strict=True)}
                 else:
                     row[name] = value
-        yield [row.get(name) for name in GAPS[3:]]
+        yield [row.get(name) for name in GAP_COLUMNS[3:]]
 
 
 def cell(value: Any) -> str | int | float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.detections import Crossing, Method
+from gapeval.detections import METHODS, Crossing, Method
 from gapeval.frame import FloatArray
 from gapeval.ragged import IndexArray, sums
 from gapeval.scoring.metrics import OF_CROSSINGS
@@ -60,32 +60,48 @@ def count_gaps(counts: Sequence[int], verdicts: Mapping[Method, Verdicts]) -> di
     return columns
 
 
+# What is told of the crossing of one gap; the errors against its label: length signed, yaw axial [rad].
+DETAILS = (
+    *(f"{method}_{name}" for method in METHODS for name in ("traversable", "length_error", "yaw_error")),
+    "axis_angle",
+)
+
+
 def judge_crossings(
     best: IndexArray, scene: Scene, verdicts: Mapping[Method, Verdicts]
-) -> dict[str, FloatArray]:
-    """What the labels say of the crossing of the gap that overlaps each of them best.
+) -> tuple[dict[str, FloatArray], FloatArray]:
+    """What the labels say of the crossing of the gap that overlaps each of them best: sums, and one by one.
 
-    best: (C, A), -1 where no gap does.
+    best: (C, A), -1 where no gap does. Details: (C, A, len(DETAILS)), NaN where undefined.
     """
     number = len(best)
     columns = {name: np.zeros(number) for name in OF_CROSSINGS}
+    details = np.full((*best.shape, len(DETAILS)), np.nan)
+    yaws = {method: np.full(best.shape, np.nan) for method in METHODS}
     for method, of in verdicts.items():
         most = max(int(best.max(initial=0)), int(of.gap.max(initial=0))) + 1
         key = of.configuration * most + of.gap
-        for placed, gap in zip(scene.asked, best.T, strict=True):
+        first = DETAILS.index(f"{method}_traversable")
+        for label, (placed, gap) in enumerate(zip(scene.asked, best.T, strict=True)):
             hit = np.flatnonzero(gap >= 0)
             row = np.intersect1d(key, hit * most + gap[hit], return_indices=True)[1]
             owner = of.configuration[row]
+            told = details[:, label, first : first + 3]
+            told[owner, 0] = of.traversable[row]
+            yaws[method][owner, label] = of.yaw[row]
             if (can := placed.label.traversable) is not None:
                 columns[f"{method}_judged"][owner] += 1
                 columns[f"{method}_right"][owner] += of.traversable[row] == can
             if (length := placed.label.length) is not None:
+                told[owner, 1] = of.length[row] - length
                 columns[f"{method}_lengths"][owner] += 1
-                columns[f"{method}_length_error_sum"][owner] += np.abs(of.length[row] - length)
+                columns[f"{method}_length_error_sum"][owner] += np.abs(told[owner, 1])
             if placed.yaw is not None:
+                told[owner, 2] = axial_angle(of.yaw[row], placed.yaw)
                 columns[f"{method}_yaws"][owner] += 1
-                columns[f"{method}_yaw_error_sum"][owner] += axial_angle(of.yaw[row], placed.yaw)
-    return columns
+                columns[f"{method}_yaw_error_sum"][owner] += told[owner, 2]
+    details[:, :, -1] = axial_angle(yaws["npca"], yaws["pca"])
+    return columns, details
 
 
 def axial_angle(one: FloatArray, other: FloatArray | float) -> FloatArray:

@@ -10,8 +10,16 @@ from gapeval.config import Scoring
 from gapeval.detections import METHODS, Method
 from gapeval.frame import FloatArray
 from gapeval.ragged import IndexArray, distinct, sums
-from gapeval.scoring.crossings import CrossingsOf, Verdicts, count_gaps, judge_crossings, verdicts_of_one
+from gapeval.scoring.crossings import (
+    CrossingsOf,
+    Verdicts,
+    count_gaps,
+    judge_crossings,
+    verdicts_of_one,
+)
+from gapeval.scoring.label_score import LabelComparison, LabelScore, label_scores
 from gapeval.scoring.metrics import SUMS, WITHOUT_LABELS
+from gapeval.scoring.near_edge import near_edges
 from gapeval.scoring.overlap import (
     Outlined,
     Outlines,
@@ -27,21 +35,6 @@ from gapeval.share import Share
 
 
 @dataclass(frozen=True, slots=True)
-class LabelScore:
-    """One label in one frame under one configuration: a row of labels.csv. Areas [m2], lengths [m]."""
-
-    label: str
-    state: str
-    range: float
-    length: float | None
-    visible_area: float
-    covered_area: float | None
-    iou: float | None
-    hit: bool | None
-    gaps: int | None
-
-
-@dataclass(frozen=True, slots=True)
 class FrameScore:
     """What one frame adds to the sums of its configuration, and its labels one by one."""
 
@@ -51,10 +44,14 @@ class FrameScore:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scores:
-    """What a frame adds under each configuration (C). sums: (C, len(SUMS)), in the order of SUMS."""
+    """What a frame adds under each configuration (C). sums: (C, len(SUMS)), in the order of SUMS.
+
+    hits: (C, A), of the labels that are asked for.
+    """
 
     sums: FloatArray
     labels: tuple[tuple[LabelScore, ...], ...]
+    hits: NDArray[np.bool_]
 
 
 def score(scene: Scene | None, polygons: Polygons, crossings: CrossingsOf, rules: Scoring) -> FrameScore:
@@ -81,13 +78,16 @@ def score_each(
     places = [place.setdefault(outlined, len(place)) for outlined in outlines]
     columns = count_gaps([len(outlined.polygons) for outlined in outlines], verdicts)
     labels: tuple[tuple[LabelScore, ...], ...] = ((),) * len(outlines)
+    hits = np.zeros((len(outlines), 0), dtype=np.bool_)
     if scene is not None:
         compared = share.timed(compare, scene, list(place), rules)
         columns |= {name: values[places] for name, values in compared.sums.items()}
-        columns |= judge_crossings(compared.best[places], scene, verdicts)
-        labels = tuple(compared.labels[index] for index in places)
+        judged, details = judge_crossings(compared.best[places], scene, verdicts)
+        columns |= judged
+        labels = share.timed(label_scores, scene, compared.labels, places, details)
+        hits = compared.labels.hit[places]
     nothing = np.zeros(len(outlines))
-    return Scores(np.column_stack([columns.get(name, nothing) for name in SUMS]), labels)
+    return Scores(np.column_stack([columns.get(name, nothing) for name in SUMS]), labels, hits)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +98,7 @@ class Comparison:
     """
 
     sums: dict[str, FloatArray]
-    labels: list[tuple[LabelScore, ...]]
+    labels: LabelComparison
     best: IndexArray
 
 
@@ -114,7 +114,8 @@ def compare(scene: Scene, outlines: Sequence[Outlined], rules: Scoring) -> Compa
     paired = belongs.any(axis=1)
     matched, label = match_each(overlaps.iou[gap], owner, [label.label.id for label in asked], rules.iou).T
     false, ignored, not_counted = sort_unmatched(overlaps, gap, paired, matched)
-    covered, over = covered_areas(scene, outlines, overlaps, owner, gap)
+    covered, over, over_paired = covered_areas(scene, outlines, overlaps, owner, gap)
+    edges = near_edges(scene, overlaps.parts, overlaps.belongs, owner, gap, number)
     areas = np.array([label.visible_area for label in asked])
     hit = covered >= rules.hit_coverage * areas
     best, iou = best_gaps(overlaps.iou[gap], belongs, owner, number)
@@ -139,9 +140,15 @@ def compare(scene: Scene, outlines: Sequence[Outlined], rules: Scoring) -> Compa
         "label_area": everywhere * sum(areas.tolist(), 0.0),
         "covered_area": np.array([sum(of, 0.0) for of in covered.tolist()]),
         "over_area_sum": over,
+        "paired_over_area_sum": over_paired,
+        "shadowed_gaps": sums(false & overlaps.shadowed[gap], owner, number),
+        "edges": np.isfinite(edges.median).sum(axis=1).astype(np.float64),
+        "edge_median_sum": np.nansum(edges.median, axis=1),
+        "edge_max_sum": np.nansum(edges.largest, axis=1),
+        "edge_rays": everywhere * edges.rays.sum(),
+        "edge_rays_missed": edges.missed.sum(axis=1).astype(np.float64),
     }
-    each = zip(covered.tolist(), iou.tolist(), hit.tolist(), pairs.tolist(), strict=True)
-    return Comparison(found, [label_scores(scene, *of) for of in each], np.where(hit, best, -1))
+    return Comparison(found, LabelComparison(covered, iou, hit, pairs, edges), np.where(hit, best, -1))
 
 
 def sort_unmatched(
@@ -218,34 +225,24 @@ def match(iou: FloatArray, label_ids: Sequence[str], threshold: float) -> list[t
 
 def covered_areas(
     scene: Scene, outlines: Sequence[Outlined], overlaps: Overlaps, owner: IndexArray, gap: IndexArray
-) -> tuple[FloatArray, FloatArray]:
-    """Of each label that is asked for, the visible area that any gap covers (I, A), and of the area found
-    outside every label (I,) [m2]."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of each label that is asked for, the visible area that any gap covers (I, A); of the area found
+    outside every label all of it, and what is of gaps that belong to one (I,) [m2]."""
     number = len(outlines)
     covered, over = sums(overlaps.shared[gap], owner, number), sums(overlaps.over[gap], owner, number)
+    paired = np.asarray(overlaps.belongs.any(axis=1), dtype=np.bool_)[gap]
+    over_paired = sums(overlaps.over[gap] * paired, owner, number)
     for index, outlined in enumerate(outlines):
         if outlined.pieces is not outlined.polygons:
-            shared = areas_within(outlined.pieces, [label.visible for label in scene.asked])
-            areas = area_within(outlined.pieces, scene.visible)
-            covered[index] = shared.sum(axis=0)
-            over[index] = outside_labels(scene, outlined.pieces, areas, shared).sum()
+            covered[index], over[index] = _covered(scene, outlined.pieces)
+            belonging = outlined.polygons[paired[owner == index]]
+            over_paired[index] = _covered(scene, pieces(belonging))[1]
     whole = np.array([label.visible_area for label in scene.asked])
-    return np.minimum(covered, whole), over  # what adds up to a hair more is rounding
+    return np.minimum(covered, whole), over, over_paired  # what adds up to a hair more is rounding
 
 
-def label_scores(
-    scene: Scene, covered: list[float], iou: list[float], hit: list[bool], gaps: list[float]
-) -> tuple[LabelScore, ...]:
-    """One row per label of the frame; what was not asked for has neither hit nor miss.
-
-    Of each asked label: covered area [m2], best IoU, hit, and number of gaps that belong to it.
-    """
-    rows, column = [], 0
-    for placed in scene.labels:
-        known = (placed.label.id, placed.state, placed.range, placed.label.length, placed.visible_area)
-        if not placed.asked:
-            rows.append(LabelScore(*known, None, None, None, None))
-            continue
-        rows.append(LabelScore(*known, covered[column], iou[column], hit[column], int(gaps[column])))
-        column += 1
-    return tuple(rows)
+def _covered(scene: Scene, apart: Polygons) -> tuple[FloatArray, float]:
+    """What polygons that do not overlap cover of each label, and outside every label [m2]."""
+    shared = areas_within(apart, [label.visible for label in scene.asked])
+    over = outside_labels(scene, apart, area_within(apart, scene.visible), shared)
+    return shared.sum(axis=0), float(over.sum())

@@ -1,10 +1,13 @@
 """Every metric, once: name, unit, which way is better, and how it follows from sums over frames."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-Sums = Mapping[str, float]
+import numpy as np
+from numpy.typing import NDArray
+
+from gapeval.frame import FloatArray
 
 # What a frame adds, and what it means. Summed over frames, divided once.
 WITHOUT_LABELS = {
@@ -47,7 +50,16 @@ OF_CROSSINGS = {
         "yaw_error_sum": "rad, axial angle to the label",
     }.items()
 }
-SUMS = WITHOUT_LABELS | WITH_LABELS | OF_CROSSINGS
+OF_EDGES = {
+    "paired_over_area_sum": "m2, found outside every label by gaps that belong to one",
+    "shadowed_gaps": "false gaps that lie for more than half in shadow",
+    "edges": "labels whose near edge was compared",
+    "edge_median_sum": "m, median over rays, how late the near edge was seen",
+    "edge_max_sum": "m, largest over rays, how late the near edge was seen",
+    "edge_rays": "rays through visible labels",
+    "edge_rays_missed": "such rays that meet no gap that belongs to the label",
+}
+SUMS = WITHOUT_LABELS | WITH_LABELS | OF_CROSSINGS | OF_EDGES
 
 # Sums that a reader wants beside the metrics; the others only lead to them.
 COUNTS = (
@@ -71,108 +83,175 @@ COUNTS = (
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """better: the direction in which a change is an improvement; `none` for what has no better."""
+    """A figure: `above` / `below`, each so many times some sums; undefined where `below` is 0.
+
+    better: the direction in which a change is an improvement; `none` for what has no better.
+    counts: what independent things it counts, for its interval where it is exactly 0 or 1: a share of
+    labels, of those that were `judged`, or of blocks of time; a number of `events`; nothing for others.
+    """
 
     name: str
     unit: str
     better: Literal["higher", "lower", "none"]
     meaning: str
-    figure: Callable[[Sums], float | None]
+    above: Mapping[str, float]
+    below: Mapping[str, float]
+    counts: Literal["labels", "judged", "blocks", "events", "nothing"] = "nothing"
 
 
-def ratio(above: str, below: str) -> Callable[[Sums], float | None]:
-    """Undefined where there is nothing to divide by."""
-    return lambda sums: sums[above] / sums[below] if sums[below] else None
-
-
-def _detected(sums: Sums) -> float:
-    return sums["tp"] + sums["fp"]
-
-
-def _precision(sums: Sums) -> float | None:
-    return sums["tp"] / _detected(sums) if _detected(sums) else None
-
-
-def _f1(sums: Sums) -> float | None:
-    whole = 2 * sums["tp"] + sums["fp"] + sums["fn"]
-    return 2 * sums["tp"] / whole if whole else None
-
-
-def _pq(sums: Sums) -> float | None:
-    whole = 2 * sums["tp"] + sums["fp"] + sums["fn"]
-    return 2 * sums["iou_sum"] / whole if whole else None
-
+MATCHED = {"tp": 2.0, "fp": 1.0, "fn": 1.0}
+LABELLED = {"label_area": 1.0}
+FRAMES = {"scored_frames": 1.0}
 
 METRICS: tuple[Metric, ...] = (
-    Metric("hit_rate", "1", "higher", "share of asked labels that were hit", ratio("hits", "asked")),
+    Metric(
+        "hit_rate",
+        "1",
+        "higher",
+        "share of asked labels that were hit",
+        {"hits": 1.0},
+        {"asked": 1.0},
+        "labels",
+    ),
     Metric(
         "coverage",
         "1",
         "higher",
         "share of the visible label area covered by gaps",
-        ratio("covered_area", "label_area"),
+        {"covered_area": 1.0},
+        LABELLED,
+        "labels",
     ),
     Metric(
         "over_area",
         "m2",
         "lower",
         "found outside every label, per scored frame",
-        ratio("over_area_sum", "scored_frames"),
+        {"over_area_sum": 1.0},
+        FRAMES,
     ),
-    Metric("fp_per_frame", "1", "lower", "false_gaps / scored_frames", ratio("false_gaps", "scored_frames")),
-    Metric("splits", "1", "lower", "gaps per label that was hit", ratio("pairs_on_hits", "hits")),
-    Metric("merges", "1", "lower", "labels per gap that belongs to any", ratio("pairs", "paired_gaps")),
-    Metric("precision", "1", "higher", "tp / (tp + fp)", _precision),
-    Metric("recall", "1", "higher", "tp / (tp + fn)", ratio("tp", "asked")),
-    Metric("f1", "1", "higher", "2 tp / (2 tp + fp + fn)", _f1),
-    Metric("sq", "1", "higher", "mean IoU of matched pairs", ratio("iou_sum", "tp")),
-    Metric("rq", "1", "higher", "recognition quality, equal to f1", _f1),
-    Metric("pq", "1", "higher", "panoptic quality, sq rq", _pq),
+    Metric("fp_per_frame", "1", "lower", "false_gaps / scored_frames", {"false_gaps": 1.0}, FRAMES, "events"),
+    Metric("splits", "1", "lower", "gaps per label that was hit", {"pairs_on_hits": 1.0}, {"hits": 1.0}),
     Metric(
-        "npca_accuracy",
-        "1",
-        "higher",
-        "share of hit labels with `traversable` judged so",
-        ratio("npca_right", "npca_judged"),
+        "merges", "1", "lower", "labels per gap that belongs to any", {"pairs": 1.0}, {"paired_gaps": 1.0}
+    ),
+    Metric("precision", "1", "higher", "tp / (tp + fp)", {"tp": 1.0}, {"tp": 1.0, "fp": 1.0}, "blocks"),
+    Metric("recall", "1", "higher", "tp / (tp + fn)", {"tp": 1.0}, {"asked": 1.0}, "labels"),
+    Metric("f1", "1", "higher", "2 tp / (2 tp + fp + fn)", {"tp": 2.0}, MATCHED, "blocks"),
+    Metric("sq", "1", "higher", "mean IoU of matched pairs", {"iou_sum": 1.0}, {"tp": 1.0}),
+    Metric("rq", "1", "higher", "recognition quality, equal to f1", {"tp": 2.0}, MATCHED, "blocks"),
+    Metric("pq", "1", "higher", "panoptic quality, sq rq", {"iou_sum": 2.0}, MATCHED, "blocks"),
+    *(
+        metric
+        for method in ("npca", "pca")
+        for metric in (
+            Metric(
+                f"{method}_accuracy",
+                "1",
+                "higher",
+                "share of hit labels with `traversable` judged so",
+                {f"{method}_right": 1.0},
+                {f"{method}_judged": 1.0},
+                "judged",
+            ),
+            Metric(
+                f"{method}_length_error",
+                "m",
+                "lower",
+                "mean |length - label|",
+                {f"{method}_length_error_sum": 1.0},
+                {f"{method}_lengths": 1.0},
+            ),
+            Metric(
+                f"{method}_yaw_error",
+                "rad",
+                "lower",
+                "mean axial angle to label",
+                {f"{method}_yaw_error_sum": 1.0},
+                {f"{method}_yaws": 1.0},
+            ),
+        )
     ),
     Metric(
-        "npca_length_error",
-        "m",
-        "lower",
-        "mean |length - label|",
-        ratio("npca_length_error_sum", "npca_lengths"),
-    ),
-    Metric(
-        "npca_yaw_error",
+        "axis_angle",
         "rad",
-        "lower",
-        "mean axial angle to label",
-        ratio("npca_yaw_error_sum", "npca_yaws"),
+        "none",
+        "mean axial angle, npca to pca",
+        {"axis_angle_sum": 1.0},
+        {"axis_angles": 1.0},
     ),
     Metric(
-        "pca_accuracy",
-        "1",
-        "higher",
-        "share of hit labels with `traversable` judged so",
-        ratio("pca_right", "pca_judged"),
-    ),
-    Metric(
-        "pca_length_error",
+        "near_edge_error",
         "m",
         "lower",
-        "mean |length - label|",
-        ratio("pca_length_error_sum", "pca_lengths"),
+        "how late near edges are seen: mean over labels of the median ray",
+        {"edge_median_sum": 1.0},
+        {"edges": 1.0},
     ),
     Metric(
-        "pca_yaw_error", "rad", "lower", "mean axial angle to label", ratio("pca_yaw_error_sum", "pca_yaws")
+        "near_edge_late",
+        "m",
+        "lower",
+        "how late near edges are seen: mean over labels of the worst ray",
+        {"edge_max_sum": 1.0},
+        {"edges": 1.0},
     ),
     Metric(
-        "axis_angle", "rad", "none", "mean axial angle, npca to pca", ratio("axis_angle_sum", "axis_angles")
+        "near_edge_missed",
+        "1",
+        "lower",
+        "share of rays through labels on which nothing was found",
+        {"edge_rays_missed": 1.0},
+        {"edge_rays": 1.0},
+        "labels",
+    ),
+    Metric(
+        "under_coverage",
+        "1",
+        "lower",
+        "share of the visible label area that no gap covers",
+        {"label_area": 1.0, "covered_area": -1.0},
+        LABELLED,
+        "labels",
+    ),
+    Metric(
+        "over_coverage",
+        "1",
+        "lower",
+        "outside every label, of gaps that belong to one / visible label area",
+        {"paired_over_area_sum": 1.0},
+        LABELLED,
+    ),
+    Metric(
+        "shadow_gaps",
+        "1",
+        "lower",
+        "false gaps mostly in shadow, per scored frame",
+        {"shadowed_gaps": 1.0},
+        FRAMES,
+        "events",
     ),
 )
 
 
-def figures(sums: Sums) -> dict[str, float | None]:
+def figure(metric: Metric, sums: Mapping[str, NDArray[np.floating] | float]) -> FloatArray:
+    """A metric of sums (...) by name; NaN where it is undefined."""
+    above, below = _times(metric.above, sums), _times(metric.below, sums)
+    undefined = np.full(np.broadcast(above, below).shape, np.nan)
+    found: FloatArray = np.divide(above, below, out=undefined, where=below != 0)
+    return found
+
+
+def _times(weights: Mapping[str, float], sums: Mapping[str, NDArray[np.floating] | float]) -> FloatArray:
+    (name, weight), *others = weights.items()
+    total = weight * np.asarray(sums[name], dtype=np.float64)
+    for name, weight in others:
+        total = total + weight * np.asarray(sums[name], dtype=np.float64)
+    return total
+
+
+def figures(sums: Mapping[str, float]) -> dict[str, float | None]:
     """Every metric of these sums; None where it is undefined."""
     complete = dict.fromkeys(SUMS, 0.0) | dict(sums)
-    return {metric.name: metric.figure(complete) for metric in METRICS}
+    found = {metric.name: float(figure(metric, complete)) for metric in METRICS}
+    return {name: None if value != value else value for name, value in found.items()}

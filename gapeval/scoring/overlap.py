@@ -45,11 +45,13 @@ def pieces(polygons: Polygons) -> Polygons:
 class Overlaps:
     """Distinct gaps (M) against the labels that are asked for (A).
 
-    areas: of their parts that count, in the domain and out of shadow [m2]. over: of that, outside every
-    label [m2]. shared: area in common with the visible labels [m2]; iou: with them. belongs: to which label.
-    uncounted: if it belongs to none, it counts neither way. ignorable: mostly in an `ignore` polygon.
+    parts: those that count, in the domain and out of shadow; areas: of them [m2]. over: of that, outside
+    every label [m2]. shared: area in common with the visible labels [m2]; iou: with them. belongs: to which
+    label. uncounted: if it belongs to none, it counts neither way. ignorable: mostly in an `ignore` polygon.
+    shadowed: belongs to none, and of its area in the domain more than half lies in shadow.
     """
 
+    parts: Polygons
     areas: FloatArray
     over: FloatArray
     shared: FloatArray
@@ -57,11 +59,13 @@ class Overlaps:
     belongs: NDArray[np.bool_]
     uncounted: NDArray[np.bool_]
     ignorable: NDArray[np.bool_]
+    shadowed: NDArray[np.bool_]
 
 
 def overlap(scene: Scene, polygons: Polygons, belongs: float) -> Overlaps:
     """Belongs: area(d and g) >= 0.1 min(area d, area g)."""
-    areas = area_within(polygons, scene.visible)
+    parts = parts_within(polygons, scene.visible)
+    areas = shapely.area(parts)
     hidden = areas < SLIVER
     visible = [label.visible for label in scene.asked]
     shared = areas_within(polygons, visible)
@@ -81,7 +85,10 @@ def overlap(scene: Scene, polygons: Polygons, belongs: float) -> Overlaps:
     ignored = np.zeros(len(polygons))
     ignored[hidden] = area_within(polygons[hidden], scene.ignore) / shapely.area(polygons[hidden])
     ignored[~hidden] = area_within(polygons[~hidden], scene.visible_ignore) / areas[~hidden]
+    shadowed = alone & (areas < 0.5 * shapely.area(polygons))
+    shadowed[shadowed] = areas[shadowed] < 0.5 * area_within(polygons[shadowed], scene.view.domain) - SLIVER
     return Overlaps(
+        parts,
         areas,
         outside_labels(scene, polygons, areas, shared),
         shared,
@@ -89,6 +96,7 @@ def overlap(scene: Scene, polygons: Polygons, belongs: float) -> Overlaps:
         belonging,
         outside | excused,
         ignored > 0.5,
+        shadowed,
     )
 
 
@@ -114,7 +122,13 @@ def _touches_any(
 
 def area_within(polygons: Polygons, region: BaseGeometry) -> FloatArray:
     """Area [m2] that each polygon has in common with a region, (M,)."""
-    areas = np.zeros(len(polygons))
+    areas: FloatArray = shapely.area(parts_within(polygons, region))
+    return areas
+
+
+def parts_within(polygons: Polygons, region: BaseGeometry) -> Polygons:
+    """What each polygon has in common with a region, (M,); points and lines may be left in it."""
+    parts = np.full(len(polygons), shapely.Polygon(), dtype=object)
     shapely.prepare(region)
     touching = np.flatnonzero(shapely.intersects(region, polygons))
     # What touches nothing else in the region's bounds is cut by them at most: by one side of the sensory box.
@@ -122,9 +136,9 @@ def area_within(polygons: Polygons, region: BaseGeometry) -> FloatArray:
     shapely.prepare(others)
     cut = np.asarray(shapely.intersects(others, polygons[touching]), dtype=np.bool_)
     alone, rest = touching[~cut], touching[cut]
-    areas[alone] = shapely.area(shapely.clip_by_rect(polygons[alone], *region.bounds))
-    areas[rest] = shapely.area(shapely.intersection(polygons[rest], region))
-    return areas
+    parts[alone] = shapely.clip_by_rect(polygons[alone], *region.bounds)
+    parts[rest] = shapely.intersection(polygons[rest], region)
+    return parts
 
 
 def areas_within(polygons: Polygons, regions: Sequence[BaseGeometry]) -> FloatArray:

@@ -1,7 +1,9 @@
 """What can be asked of a detector in one frame: domain, shadow and visible labels. No configuration in it."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -42,18 +44,21 @@ class View:
 class PlacedLabel:
     """A gap label in one frame; robot frame xy [m].
 
-    whole: the label; visible: its part in the domain and out of shadow. state: visible | partly | shadowed |
-    out_of_view. asked: enough of it is visible. range: from the sensor's foot to its nearest visible point
-    (to its nearest point, where none is visible) [m]. yaw: crossing_yaw in the robot frame [rad].
+    whole: the label, area: of it [m2]. visible: its part in the domain and out of shadow. state: visible |
+    partly | shadowed | out_of_view. asked: enough of it is visible. range, bearing: from the sensor's foot to
+    its nearest visible point (to its nearest point, where none is visible) [m], and in which direction [rad],
+    None at no distance. yaw: crossing_yaw in the robot frame [rad].
     """
 
     label: Label
     whole: BaseGeometry
+    area: float
     visible: BaseGeometry
     visible_area: float
     state: str
     asked: bool
     range: float
+    bearing: float | None
     yaw: float | None
 
 
@@ -76,6 +81,27 @@ class Scene:
     @property
     def asked(self) -> tuple[PlacedLabel, ...]:
         return tuple(label for label in self.labels if label.asked)
+
+
+@dataclass(frozen=True, slots=True)
+class AskedLabel:
+    """A label that was asked for in a frame. range: to it, width: across it [m].
+
+    judged: it says whether it can be crossed.
+    """
+
+    label: str
+    range: float
+    width: float
+    judged: bool
+
+
+def asked_labels(scene: Scene) -> tuple[AskedLabel, ...]:
+    """What is remembered of a scene when its frame is done."""
+    return tuple(
+        AskedLabel(of.label.id, of.range, width(of.label), of.label.traversable is not None)
+        for of in scene.asked
+    )
 
 
 def common_domain(configurations: Iterable[Configuration], scoring: Scoring) -> tuple[Domain, str]:
@@ -150,8 +176,29 @@ def _seen_label(
     else:
         state = SHADOWED if in_domain.area > 0 and in_domain.area >= enough else OUT_OF_VIEW
     nearest = seen if seen.area > 0 else whole
-    distance = float(shapely.distance(shapely.Point(view.origin), nearest))
-    return PlacedLabel(label, whole, seen, float(seen.area), state, asked, distance, yaw)
+    foot = shapely.Point(view.origin)
+    distance = float(shapely.distance(foot, nearest))
+    (x0, y0), (x1, y1) = shapely.get_coordinates(shapely.shortest_line(foot, nearest)).tolist()
+    bearing = math.atan2(y1 - y0, x1 - x0) if distance > 0 else None
+    return PlacedLabel(
+        label, whole, float(whole.area), seen, float(seen.area), state, asked, distance, bearing, yaw
+    )
+
+
+@lru_cache(maxsize=4096)
+def width(label: Label) -> float:
+    """How far it is across a label [m]: its own `length`, or the least width of its convex hull as drawn.
+
+    In micrometres, since it must not depend on rounding in which class of widths a label is.
+    """
+    if label.length is not None:
+        return label.length
+    outlines = np.concatenate([rings[0][:, :2] for rings in label.parts])
+    hull = shapely.get_coordinates(shapely.convex_hull(shapely.MultiPoint(outlines)))
+    along = np.diff(hull, axis=0)
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
+    places = hull @ across.T
+    return round(float((places.max(axis=0) - places.min(axis=0)).min()), 6)
 
 
 def _without_slivers(region: BaseGeometry) -> BaseGeometry:

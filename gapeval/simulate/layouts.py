@@ -134,9 +134,7 @@ def plain(random: np.random.Generator, sensor: Sensor, frames: int) -> Scene:
 
 def slope(random: np.random.Generator, sensor: Sensor, frames: int) -> Scene:
     """Up a ramp, over its top and down again: no gap, but ground that falls out of sight like one."""
-    angle = np.deg2rad(random.uniform(11, 15))
-    top = 3.0 * np.tan(angle)
-    profile = np.array([[3.0, 0.0], [6.0, top], [10.0, top], [13.0, 0.0]])
+    profile = ramp(np.deg2rad(random.uniform(11, 15)))
     stops = np.zeros((frames, 3))
     stops[:, 0] = np.linspace(0.0, 14.0, frames) + random.uniform(-0.1, 0.1, frames)
     stops[:, 1:] = random.uniform(-0.05, 0.05, (frames, 2))
@@ -156,6 +154,12 @@ SCENES = {
     "plain": Layout("rough ground without any gap: false gaps only", 10, plain),
     "slope": Layout("up a ramp and down again: no gap, but a false cliff at its edges", 12, slope),
 }
+
+
+def ramp(angle: float) -> FloatArray:
+    """Profile (4, 2) of a ramp up, a plateau and the ramp down [m]; angle: of the ramps [rad]."""
+    top = 3.0 * np.tan(angle)
+    return np.array([[3.0, 0.0], [6.0, top], [10.0, top], [13.0, 0.0]])
 
 
 def ragged(shape: shapely.Polygon, random: np.random.Generator) -> shapely.Polygon:

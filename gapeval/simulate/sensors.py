@@ -1,6 +1,7 @@
 """Robots with their sensors: mounting, rays, noise, and what is lost."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,11 @@ class Rolling:
         """Elevation of the lowest ray [rad]."""
         return -np.pi / 2
 
+    def times(self, density: float) -> Self:
+        """So many times the scans in a pass, which takes as long."""
+        first, last, step = self.rolls
+        return replace(self, rolls=(first, last, step / density))
+
     def directions(self, phase: float) -> FloatArray:
         """Rays (scans, beams, 3) in the frame of the laser at roll 0; phase: of the first scan, in steps."""
         first, last, step = self.beams
@@ -78,6 +84,10 @@ class Spinning:
     def lowest(self) -> float:
         """Elevation of the lowest ray [rad]."""
         return self.elevations[0]
+
+    def times(self, density: float) -> Self:
+        """So many times the columns in a turn, which takes as long."""
+        return replace(self, columns=round(self.columns * density))
 
     def directions(self, phase: float) -> FloatArray:
         """Rays (rings, columns, 3) in the sensor frame; phase: of the first column, in columns."""

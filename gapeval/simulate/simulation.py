@@ -22,6 +22,7 @@ from gapeval.simulate.layouts import SCENES
 from gapeval.simulate.mesh import solid_triangles, static_triangles
 from gapeval.simulate.scene import Scene
 from gapeval.simulate.sensors import SENSORS, Sensor
+from gapeval.simulate.variation import Variation, varied_scene, varied_sensor
 
 FIXED, ODOMETRY, ROBOT = "map", "odom", "base_link"
 CLOUD_TOPIC = "/points"
@@ -29,17 +30,19 @@ LABELS = "labels.geojson"
 # fixed<-odometry: where the odometry began, as a localisation would have it.
 ODOMETRY_ORIGIN = Transform.of([1.5, -0.7, 0.0], [0.0, 0.0, np.sin(0.2), np.cos(0.2)])
 LAYOUT, MEASUREMENT = 0, 1  # streams of random numbers
+UNVARIED = Variation()
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Simulation:
-    """A scene and all that is to be measured in it."""
+    """A scene and all that is to be measured in it; scene and sensor are as the variation has them."""
 
     scene_name: str
     sensor_name: str
     seed: int
+    variation: Variation
     scene: Scene
     sensor: Sensor
     drive: Drive
@@ -49,13 +52,14 @@ class Simulation:
         return len(self.drive.stamps)
 
     @property
-    def about(self) -> dict[str, str | int]:
-        """All that decides what comes out."""
+    def about(self) -> dict[str, str | float]:
+        """All that decides what comes out; of the variation only what differs."""
         return {
             "scene": self.scene_name,
             "sensor": self.sensor_name,
             "frames": self.frames,
             "seed": self.seed,
+            **self.variation.about,
         }
 
     @property
@@ -67,12 +71,18 @@ class Simulation:
         return pose(self.scene.ground, self.sensor.robot, self.scene.stops[stop])
 
 
-def simulation(scene: str, sensor: str, frames: int | None, seed: int) -> Simulation:
-    """Lay out a scene for a sensor's robot. Raises ConfigError for names that there are not."""
+def simulation(
+    scene: str, sensor: str, frames: int | None, seed: int, variation: Variation = UNVARIED
+) -> Simulation:
+    """Lay out a scene for a sensor's robot, then vary it.
+
+    Raises ConfigError for names that there are not, and for what cannot be varied.
+    """
     layout, chosen = _named(SCENES, scene, "scene"), _named(SENSORS, sensor, "sensor")
     count = layout.frames if frames is None else frames
     laid_out = layout.build(np.random.default_rng([seed, LAYOUT]), chosen, count)
-    return Simulation(scene, sensor, seed, laid_out, chosen, drive(laid_out, chosen))
+    varied, chosen = varied_scene(laid_out, scene, variation), varied_sensor(chosen, variation)
+    return Simulation(scene, sensor, seed, variation, varied, chosen, drive(varied, chosen))
 
 
 def clouds(simulated: Simulation) -> Iterator[NDArray[np.float32]]:
@@ -114,7 +124,7 @@ def write_simulation(
     return log, labels
 
 
-def _require_replaceable(log: Path, labels: Path, about: dict[str, str | int]) -> None:
+def _require_replaceable(log: Path, labels: Path, about: dict[str, str | float]) -> None:
     """What is there must be of the same simulation, so that labels and logs of a folder go together."""
     earlier = None
     if labels.exists():

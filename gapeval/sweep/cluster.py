@@ -51,7 +51,7 @@ def connected(url: str) -> Iterator["Client"]:
         client.close(timeout=CONNECT)
 
 
-def on_cluster(client: "Client", url: str, work: Work, task: Task) -> Workers:
+def on_cluster(client: "Client", url: str, work: Work[Task, Unit], task: Task) -> Workers[Unit]:
     """All workers of a cluster. Raises GapevalError unless they have the same code and logs as we do."""
     absolute = tuple(replace(recording, path=recording.path.resolve()) for recording in task.recordings)
     task = replace(task, recordings=absolute)
@@ -61,7 +61,7 @@ def on_cluster(client: "Client", url: str, work: Work, task: Task) -> Workers:
     check(client, [str(recording.path) for recording in absolute])
 
     @contextmanager
-    def begin() -> Iterator[Submit]:
+    def begin() -> Iterator[Submit[Unit]]:
         try:
             order = client.scatter((work, task, code()), broadcast=True, hash=False)
             executor = client.get_executor()
@@ -85,7 +85,7 @@ def _submitted(executor: Any, order: Any, unit: Unit) -> "Future[bytes]":
     return future
 
 
-def _work(order: tuple[Work, Task, Mapping[str, str]], unit: Unit) -> bytes:
+def _work(order: tuple[Work[Task, Unit], Task, Mapping[str, str]], unit: Unit) -> bytes:
     work, task, expected = order
     if unlike := differing(expected, code()):  # a worker that came later was not asked before
         raise WrongWorkersError(f"a worker that joined later differs: {unlike}; end it, and go on")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from gapeval.config import Configuration, Domain, Scoring
 from gapeval.detection import Gaps, detect, detect_each
@@ -12,10 +13,11 @@ from gapeval.detections import METHODS, Crossing, DetectedFrame, Method
 from gapeval.frame import FloatArray, Frame
 from gapeval.labels import Labels
 from gapeval.scoring.crossings import Verdicts, verdicts_of_one
-from gapeval.scoring.match import LabelScore, score_each
+from gapeval.scoring.label_score import LabelScore
+from gapeval.scoring.match import score_each
 from gapeval.scoring.metrics import SUMS
 from gapeval.scoring.overlap import Outlines, pieces
-from gapeval.scoring.scene import Scene, View, scene, view
+from gapeval.scoring.scene import AskedLabel, Scene, View, asked_labels, scene, view
 from gapeval.share import Share
 from gapeval.traversability import Crossings, assess, assess_each, by_gap
 
@@ -50,14 +52,16 @@ class Answers:
     """One frame under all configurations (C), in their order.
 
     sums: (C, len(SUMS)), columns in the order of scoring.metrics.SUMS; no scored_frames: it has no labels.
-    labels: of each configuration. fallbacks: why its plane is not the one asked for, or empty.
-    gaps: of each configuration; empty unless asked to keep them.
+    labels: of each configuration. asked: the labels (A) that were asked for; hits: (C, A) of them.
+    fallbacks: why its plane is not the one asked for, or empty. gaps: empty unless asked to keep them.
     """
 
     sums: FloatArray
     labels: tuple[tuple[LabelScore, ...], ...]
     fallbacks: tuple[str, ...]
     gaps: tuple[tuple[GapAnswer, ...], ...]
+    asked: tuple[AskedLabel, ...]
+    hits: NDArray[np.bool_]
 
 
 def evaluate(
@@ -112,7 +116,14 @@ def evaluate_together(
     kept: tuple[tuple[GapAnswer, ...], ...] = ((),) * len(gaps)
     if question.keep_gaps:
         kept = tuple(_kept(of, by_gap(crossings.of(index))) for index, of in enumerate(gaps))
-    return Answers(with_fallbacks(scores.sums, fallbacks), scores.labels, fallbacks, kept)
+    return Answers(
+        with_fallbacks(scores.sums, fallbacks),
+        scores.labels,
+        fallbacks,
+        kept,
+        () if asked is None else asked_labels(asked),
+        scores.hits,
+    )
 
 
 def joined(parts: Sequence[Answers]) -> Answers:
@@ -122,6 +133,8 @@ def joined(parts: Sequence[Answers]) -> Answers:
         tuple(labels for part in parts for labels in part.labels),
         tuple(fallback for part in parts for fallback in part.fallbacks),
         tuple(gaps for part in parts for gaps in part.gaps),
+        parts[0].asked,
+        np.concatenate([part.hits for part in parts]),
     )
 
 
@@ -181,4 +194,11 @@ def rescored(frame: DetectedFrame, labels: Labels, robot_frame: str, scoring: Sc
     outlines = Outlines(frame.polygons, pieces(frame.polygons))
     scores = score_each(asked, [outlines], known, scoring, Share())
     fallbacks = (frame.fallback,)
-    return Answers(with_fallbacks(scores.sums, fallbacks), scores.labels, fallbacks, ((),))
+    return Answers(
+        with_fallbacks(scores.sums, fallbacks),
+        scores.labels,
+        fallbacks,
+        ((),),
+        () if asked is None else asked_labels(asked),
+        scores.hits,
+    )

@@ -13,32 +13,33 @@ from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread, current_thread, main_thread
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import cv2
 
 from gapeval.errors import GapevalError
 from gapeval.files import write_whole
-from gapeval.sweep.units import Task, Unit
 
+T = TypeVar("T")  # what all units have in common: for a sweep, its Task
+U = TypeVar("U")  # a unit
 Stopped = Callable[[], bool]
-Work = Callable[[Task, Unit, Stopped], bytes]
-Submit = Callable[[Unit], "Future[bytes]"]
+Work = Callable[[T, U, Stopped], bytes]
+Submit = Callable[[U], "Future[bytes]"]
 
 
 @dataclass(frozen=True, slots=True)
-class Workers:
+class Workers(Generic[U]):
     """Who does the work. begin: ready to be given units until it is left; at_once: units in their hands."""
 
-    begin: Callable[[], AbstractContextManager[Submit]]
+    begin: Callable[[], AbstractContextManager[Submit[U]]]
     at_once: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Finished:
+class Finished(Generic[U]):
     """What became of a unit: what the work made of it, or why there is nothing."""
 
-    unit: Unit
+    unit: U
     made: bytes = b""
     error: Exception | None = None
 
@@ -51,13 +52,13 @@ class WrongWorkersError(GapevalError):
     """Of the workers, not of the unit: the sweep must not go on with them."""
 
 
-def results(workers: Workers, units: Sequence[Unit]) -> Generator[Finished, None, None]:
+def results(workers: Workers[U], units: Sequence[U]) -> Generator[Finished[U], None, None]:
     """Each unit as it is finished; only so many are in hands at a time that memory stays flat.
 
     Where a worker dies, the units that it may have died of are given to others one at a time, until one
     is alone with a worker that dies: that one has failed.
     """
-    waiting, suspects = deque(units), deque[Unit]()
+    waiting, suspects = deque(units), deque[U]()
     while waiting or suspects:
         with workers.begin() as submit:
             if not suspects:
@@ -69,10 +70,10 @@ def results(workers: Workers, units: Sequence[Unit]) -> Generator[Finished, None
                 suspects.clear()
 
 
-def _work_off(submit: Submit, waiting: deque[Unit], at_once: int) -> Generator[Finished, None, list[Unit]]:
+def _work_off(submit: Submit[U], waiting: deque[U], at_once: int) -> Generator[Finished[U], None, list[U]]:
     """Until no unit is waiting or a worker dies; returns the units that were in hands then."""
-    pending: dict[Future[bytes], Unit] = {}
-    lost: list[Unit] = []
+    pending: dict[Future[bytes], U] = {}
+    lost: list[U] = []
     while pending or (waiting and not lost):
         while waiting and not lost and len(pending) < at_once:
             unit = waiting.popleft()
@@ -95,10 +96,10 @@ def _work_off(submit: Submit, waiting: deque[Unit], at_once: int) -> Generator[F
     return lost
 
 
-def in_this_process(work: Work, task: Task) -> Workers:
+def in_this_process(work: Work[T, U], task: T) -> Workers[U]:
     """One unit at a time."""
 
-    def submit(unit: Unit) -> "Future[bytes]":
+    def submit(unit: U) -> "Future[bytes]":
         future: Future[bytes] = Future()
         try:
             future.set_result(work(task, unit, lambda: False))
@@ -107,18 +108,18 @@ def in_this_process(work: Work, task: Task) -> Workers:
         return future
 
     @contextmanager
-    def begin() -> Iterator[Submit]:
+    def begin() -> Iterator[Submit[U]]:
         one_thread()
         yield submit
 
     return Workers(begin, 1)
 
 
-def in_processes(work: Work, task: Task, jobs: int) -> Workers:
+def in_processes(work: Work[T, U], task: T, jobs: int) -> Workers[U]:
     """So many processes. When it is left, they end with the frames that they are at."""
 
     @contextmanager
-    def begin() -> Iterator[Submit]:
+    def begin() -> Iterator[Submit[U]]:
         # Spawned: OpenCV hangs in processes that were forked. A plain byte: one that dies holds no lock.
         context = get_context("spawn")
         stop = context.RawValue("b", 0)
@@ -156,7 +157,7 @@ def _one_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _submit(pool: ProcessPoolExecutor, unit: Unit) -> "Future[bytes]":
+def _submit(pool: ProcessPoolExecutor, unit: Any) -> "Future[bytes]":
     """Ctrl-C waits until the pool is in order again, and never reaches a worker that this starts."""
     if current_thread() is not main_thread():
         return pool.submit(_work, unit)
@@ -172,7 +173,7 @@ def _submit(pool: ProcessPoolExecutor, unit: Unit) -> "Future[bytes]":
             handler(signal.SIGINT, None)
 
 
-_own: tuple[Work, Task, Any]  # of a worker process
+_own: tuple[Work[Any, Any], Any, Any]  # of a worker process
 
 
 def _begin_worker(order: Path, stop: Any) -> None:
@@ -191,7 +192,7 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _work(unit: Unit) -> bytes:
+def _work(unit: Any) -> bytes:
     work, task, stop = _own
     return work(task, unit, lambda: bool(stop.value))
 

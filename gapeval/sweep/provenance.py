@@ -2,6 +2,7 @@
 
 import hashlib
 import platform
+from collections.abc import Callable
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -12,7 +13,8 @@ LIBRARIES = ("numpy", "opencv-python-headless", "shapely", "scipy", "rosbags", "
 MISSING = "missing"
 SAMPLE = 1 << 16  # bytes of each end
 PACKAGE = Path(__file__).parent.parent
-DECIDES_NOTHING = ("cli", "report", "simulate")  # of a sweep's results
+DECIDES_NOTHING = ("cli", "report", "studies", "simulate")  # of a sweep's results
+DECIDES_LOGS = ("simulate", "logs", "labels.py", "frame.py")  # that are simulated
 
 
 def versions() -> dict[str, str]:
@@ -22,13 +24,25 @@ def versions() -> dict[str, str]:
 @cache
 def code() -> dict[str, str]:
     """All that must be the same for results to be the same bytes, by name. source: digest of our own code."""
+    own = {"gapeval": version("gapeval"), "source": _source(lambda room: room not in DECIDES_NOTHING)}
+    return own | versions() | {"GEOS": shapely.geos_version_string, "machine": platform.machine()}
+
+
+@cache
+def simulator() -> dict[str, str]:
+    """The same for simulated logs."""
+    source = _source(lambda room: room in DECIDES_LOGS)
+    return {"source": source, "numpy": version("numpy"), "machine": platform.machine()}
+
+
+def _source(decides: Callable[[str], bool]) -> str:
+    """Digest of our own code in some rooms of the package."""
     digest = hashlib.sha256()
     for path in sorted(PACKAGE.rglob("*.py")):
         place = path.relative_to(PACKAGE)
-        if place.parts[0] not in DECIDES_NOTHING:
+        if decides(place.parts[0]):
             digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes() + b"\0")
-    own = {"gapeval": version("gapeval"), "source": digest.hexdigest()[:16]}
-    return own | versions() | {"GEOS": shapely.geos_version_string, "machine": platform.machine()}
+    return digest.hexdigest()[:16]
 
 
 def files_of(path: Path) -> list[Path]:

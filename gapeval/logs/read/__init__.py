@@ -3,7 +3,7 @@
 from gapeval.logs.read.description import Description, describe, render
 from gapeval.logs.read.opening import is_costly_to_open
 from gapeval.logs.read.playback import LOST, frame_digest, read_frames
-from gapeval.logs.read.preparation import read_recording
+from gapeval.logs.read.preparation import erring, read_recording
 from gapeval.logs.read.recording import Recording, RefusedScan, Scans
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "RefusedScan",
     "Scans",
     "describe",
+    "erring",
     "frame_digest",
     "is_costly_to_open",
     "read_frames",

@@ -11,6 +11,7 @@ from gapeval.logs.read.container import Topic, naming
 from gapeval.logs.read.matching import Frames, check_matched, match
 from gapeval.logs.read.opening import open_container
 from gapeval.logs.read.playback import measure_lowest_elevation
+from gapeval.logs.read.pose_error import errors_asked, with_errors
 from gapeval.logs.read.recording import Recording
 from gapeval.logs.read.samples import Samples, build_tree, pose_edge, pose_topics, tf_topics
 from gapeval.logs.read.selection import (
@@ -70,7 +71,7 @@ def survey_log(path: Path, settings: LogSection, progress: Progress | None = Non
 
 
 def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
-    """Chooses the frames, looks up every transform, and measures the lowest ray."""
+    """Chooses the frames, looks up every transform, measures the lowest ray, and errs as it is asked to."""
     with naming(surveyed.path):
         headers = _named(surveyed, settings)
         cloud_frame = Counter(headers.frames).most_common(1)[0][0]
@@ -102,9 +103,17 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
         examples=refusals.examples,
         notices=surveyed.notices,
     )
-    if not math.isnan(recording.lowest_elevation):
-        return recording
-    return replace(recording, lowest_elevation=measure_lowest_elevation(recording))
+    if math.isnan(recording.lowest_elevation):
+        recording = replace(recording, lowest_elevation=measure_lowest_elevation(recording))
+    return erring(recording, settings)
+
+
+def erring(recording: Recording, settings: LogSection) -> Recording:
+    """With the errors of poses that are asked for; after all that is measured of the true ones."""
+    error, noise = errors_asked(settings)
+    scans = recording.scans
+    cloud = with_errors(scans.cloud, scans.stamps, error, noise)
+    return replace(recording, scans=replace(scans, cloud=cloud), pose_error=error, pose_noise=noise)
 
 
 def _named(surveyed: Surveyed, settings: LogSection) -> CloudHeaders:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gapeval.config import PoseError, PoseNoise
 from gapeval.logs.read.container import Topic
 from gapeval.logs.read.transforms import Transforms
 
@@ -43,6 +44,7 @@ class Recording:
     total: clouds in the log. refused: reason -> clouds refused for it so far; examples: reason -> a few of
     their stamps [ns]. Clouds that turn out to hold nothing are refused only when they are read.
     notices: what is worth telling, one line each.
+    pose_error, pose_noise: of robot<-cloud in the scans, made on purpose; None where there is none.
     """
 
     path: Path
@@ -62,6 +64,8 @@ class Recording:
     refused: dict[str, int]
     examples: dict[str, tuple[int, ...]]
     notices: tuple[str, ...]
+    pose_error: PoseError | None = None
+    pose_noise: PoseNoise | None = None
 
     @property
     def matched(self) -> int:

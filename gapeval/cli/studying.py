@@ -1,0 +1,178 @@
+"""Run studies for a command: progress over all of them, a line for each, then the claims."""
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gapeval.cli.reading import progress_bar, say
+from gapeval.config import Config
+from gapeval.errors import ConfigError, GapevalError
+from gapeval.files import make_folder
+from gapeval.report.text import columns, counted
+from gapeval.results.parts import locked
+from gapeval.simulate.casting import has_embree
+from gapeval.simulate.layouts import SCENES
+from gapeval.studies.cases import Given, Planned, Recipe, plan_runs
+from gapeval.studies.claims import Judged, check_rules, judge
+from gapeval.studies.definition import NAMES, Study, quickly, read_study
+from gapeval.studies.folder import about, write_claims, write_study
+from gapeval.studies.logs import LOGS, make, missing
+from gapeval.studies.rows import Row
+from gapeval.studies.runs import Recordings, rows_of_run
+from gapeval.sweep.executor import in_processes, in_this_process, results
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ready:
+    """A study that is to be run."""
+
+    name: str
+    study: Study
+    runs: tuple[Planned, ...]
+
+
+def list_studies() -> None:
+    """The studies of ours."""
+    known = [(name, read_study(name)[1]) for name in NAMES]
+    click.echo(
+        columns(("study", "paper", "question"), [(name, one.paper, one.question) for name, one in known])
+    )
+
+
+def run_studies(
+    names: Sequence[str],
+    user: Config,
+    given: Given | None,
+    output: Path,
+    quick: bool,
+    jobs: int | None,
+) -> None:
+    """Simulate what is missing, run each study, write its CSV, judge the claims, print them.
+
+    Raises GapevalError when all is done but for studies that failed.
+    """
+    said = user.model_dump(mode="json", exclude_unset=True)
+    if names:
+        ready = [_ready(name, said, given, quick) for name in names]
+    else:
+        ready = _those_that_can_be(said, given, quick)
+    varied = {key for one in ready for run in one.runs for key in run.config.grid}
+    for key in user.grid:
+        if key not in varied:
+            say(f"grid.{key}: no study of these varies it; set one value outside of `grid` to have it used")
+    if len({one.name for one in ready}) < len(ready):
+        raise ConfigError("a study is named twice; name each once")
+    make_folder(output)
+    jobs = jobs or os.cpu_count() or 1
+    judged: list[Judged] = []
+    failed: list[str] = []
+    recordings = Recordings(output, {})
+    with locked(output / LOGS), progress_bar("studies", 0, "clouds") as bar:
+        lacking = missing([case for one in ready for run in one.runs for case in run.cases], output)
+        bar.total = _clouds(ready, lacking, recordings)
+        _simulate(lacking, output, jobs, bar)
+        for one in ready:
+            bar.set_description(f"study {one.name}")
+            try:
+                rows = _rows(one, recordings, output, jobs, bar.update)
+            except GapevalError as error:
+                failed.append(f"study {one.name}: {error}")
+                say(failed[-1])
+                continue
+            judged += judge(one.name, one.study, rows)
+            path = write_study(output, one.name, one.study, rows)
+            with bar.external_write_mode():
+                say(f"{path}: {counted(len(rows), 'row')}")
+    done = [one.name for one in ready if not any(line.startswith(f"study {one.name}:") for line in failed)]
+    write_claims(output, about(said, given, quick), done, judged)
+    click.echo(columns(("study", "claim", "verdict", "measured"), [_line(one) for one in judged]))
+    click.echo(f"\nfiles      in {output}: claims.csv, {', '.join(f'{name}.csv' for name in done)}")
+    if failed:
+        raise GapevalError(f"{len(failed)} of {len(ready)} studies failed; the first: {failed[0]}")
+
+
+def _those_that_can_be(user: dict[str, Any], given: Given | None, quick: bool) -> list[Ready]:
+    """All of ours; of those that cannot be run on a log, it is said why."""
+    ready = []
+    for name in NAMES:
+        try:
+            ready.append(_ready(name, user, given, quick))
+        except ConfigError as error:
+            if given is None:
+                raise
+            say(f"left out: {error}")
+    return ready
+
+
+def _ready(name: str, user: dict[str, Any], given: Given | None, quick: bool) -> Ready:
+    called, study = read_study(name)
+    check_rules(called, study)
+    if quick:
+        study = study.model_copy(update={"runs": tuple(map(quickly, study.runs))})
+    return Ready(called, study, plan_runs(called, study, user, given))
+
+
+def _clouds(ready: Sequence[Ready], lacking: Sequence[Recipe], recordings: Recordings) -> int:
+    """How many are to be simulated, and evaluated."""
+    return sum(map(_frames, lacking)) + sum(
+        _frames(case.source)
+        if isinstance(case.source, Recipe)
+        else len(recordings.of(case, run.config.log).scans)
+        for one in ready
+        for run in one.runs
+        for case in run.cases
+    )
+
+
+def _frames(recipe: Recipe) -> int:
+    return recipe.frames or SCENES[recipe.scene].frames
+
+
+def _simulate(lacking: Sequence[Recipe], output: Path, jobs: int, bar: "tqdm[Any]") -> None:
+    """Logs that are not there, several at a time. Raises GapevalError."""
+    if not lacking:
+        return
+    if not has_embree():
+        say("embreex is not installed here: casting rays by trimesh alone, which takes minutes per cloud")
+    bar.set_description("simulate")
+    workers = (in_processes if min(jobs, len(lacking)) > 1 else _alone)(
+        _make, output, min(jobs, len(lacking))
+    )
+    with closing(results(workers, lacking)) as finished:
+        for one in finished:
+            if one.error is not None:
+                raise one.error
+            bar.update(_frames(one.unit))
+
+
+def _alone(work: Any, task: Any, _: int) -> Any:
+    return in_this_process(work, task)
+
+
+def _make(output: Path, recipe: Recipe, _: Callable[[], bool]) -> bytes:
+    make(recipe, output)
+    return b""
+
+
+def _rows(
+    one: Ready, recordings: Recordings, output: Path, jobs: int, advance: Callable[[int], object]
+) -> list[Row]:
+    folder = output / one.name
+    return [
+        row
+        for planned in one.runs
+        for row in rows_of_run(planned, one.study, recordings, folder, jobs, advance)
+    ]
+
+
+def _line(one: Judged) -> tuple[str, str, str, str]:
+    measured = one.measured if len(one.measured) <= 80 else one.measured[:77] + "..."
+    return one.study, one.claim, one.verdict, measured

@@ -1,0 +1,117 @@
+"""Figures with their intervals, and the draws behind them, so that differences can be taken pairwise."""
+
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from gapeval.config import Scoring
+from gapeval.frame import FloatArray
+from gapeval.results.tally import SEED
+from gapeval.scoring.intervals import (
+    LEAST_BLOCKS,
+    LEAST_LOGS,
+    REPLICATES,
+    Things,
+    block_draws,
+    blocks,
+    interval,
+    limits,
+    log_draws,
+    needed,
+)
+from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, figure
+from gapeval.studies.tally import COLUMN, Tally
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """A figure, its 95 % interval where there is one, and its value in each draw (B,), NaN if undefined."""
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+    draws: FloatArray | None = None
+
+
+NOTHING = Estimate(None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Draws:
+    """Of whole logs where there are enough of them, else of blocks of time.
+
+    weights: (B, F), how often each frame counts in each draw. number: of logs or blocks; least: as many as it
+    takes for an interval.
+    """
+
+    weights: FloatArray
+    number: int
+    least: int
+
+
+def estimates(
+    tally: Tally, scoring: Scoring, wanted: Collection[str]
+) -> Iterator[tuple[dict[str, Estimate], dict[str, int]]]:
+    """Of each configuration: every metric, over all frames together, and the counts behind them.
+
+    wanted: metrics whose draws are kept. Draws depend on the logs alone: equal logs under other conditions
+    are drawn alike.
+    """
+    draws = drawn(tally, scoring.block)
+    totals = tally.sums.sum(axis=0)
+    here = dict(zip(SUMS, totals.T, strict=True))
+    anew = {name: draws.weights @ tally.sums[..., COLUMN[name]] for name in needed(METRICS)}
+    labels = len(frozenset[str]().union(*tally.labels))
+    things: dict[str, Things] = {"labels": labels, "judged": labels, "blocks": draws.number}
+    found: list[dict[str, Estimate]] = [{} for _ in totals]
+    for metric in METRICS:
+        values, each = figure(metric, here), figure(metric, anew)
+        ends = limits(metric, values, each if draws.number >= draws.least else None, things)
+        for index, (value, low, high) in enumerate(
+            zip(values.tolist(), *np.stack(ends).tolist(), strict=True)
+        ):
+            kept = each[:, index].copy() if metric.name in wanted and draws.number >= draws.least else None
+            found[index][metric.name] = Estimate(_known(value), _known(low), _known(high), kept)
+    logs = len(set(tally.case.tolist()))
+    for index, figures in enumerate(found):
+        yield figures, {"logs": logs} | {name: int(here[name][index]) for name in COUNTS}
+
+
+def drawn(tally: Tally, block: float) -> Draws:
+    """Whole logs, or blocks of time [s] where there are few."""
+    cases = list(dict.fromkeys(tally.case.tolist()))
+    if len(cases) >= LEAST_LOGS:
+        place = np.searchsorted(cases, tally.case)
+        return Draws(log_draws(len(cases), SEED)[:, place].astype(np.float64), len(cases), LEAST_LOGS)
+    parts, number = [], 0
+    for order, case in enumerate(cases):
+        stamps = tally.stamps[tally.case == case]
+        parts.append(block_draws(stamps, block, [SEED, order]))
+        number += len(set(blocks(stamps, block).tolist()))
+    return Draws(np.concatenate(parts, axis=1).astype(np.float64), number, LEAST_BLOCKS)
+
+
+def of_logs(values: FloatArray, statistic: Callable[..., Any]) -> Estimate:
+    """A figure of values (L,), one for each log, drawn anew by logs where there are enough of them."""
+    if len(values) < LEAST_LOGS:
+        return Estimate(float(statistic(values)))
+    return of_frames(values, statistic)
+
+
+def of_frames(values: FloatArray, statistic: Callable[..., Any]) -> Estimate:
+    """A figure of values (F,), one for each frame, drawn anew by frames."""
+    chosen = np.random.default_rng(SEED).integers(0, len(values), (len(values), REPLICATES))
+    draws = np.asarray(statistic(values[chosen], axis=0), dtype=np.float64)
+    return of_draws(float(statistic(values)), draws)
+
+
+def of_draws(value: float, draws: FloatArray) -> Estimate:
+    """With the interval that draws (B,) give."""
+    low, high = interval(draws[:, None])
+    return Estimate(value, _known(float(low[0])), _known(float(high[0])), draws)
+
+
+def _known(value: float) -> float | None:
+    return None if np.isnan(value) else value
