@@ -35,26 +35,110 @@ TABLES = (
     Table("delta_r", "delta_r", ("delta_r", "best"), FOUND, ALL),
     Table("delta_r", "bins", ("delta_r",), ("bin_ratio", "bin_filled"), {"by": "bins"}),
     Table("resolution", "resolution", ("k", "best"), (*FOUND, "near_edge_error"), ALL),
-    Table("morphology", "morphology", ("n_o", "delta_r", "best"), ("hit_rate", "fp_per_frame", "splits", "merges", "f1"), ALL),
-    Table("plane_threshold", "roughness", ("roughness", "pl_th", "best"), ("hit_rate", "fp_per_frame", "f1"), {**ALL, "slope": ""}),
-    Table("plane_threshold", "slope", ("slope", "pl_th"), ("fp_per_frame", "over_area"), {**ALL, "roughness": "", "pl_th": "0.1"}),
-    Table("occlusion", "occlusion", ("scene", "obstacles", "shading"), ("shadow_gaps", "fp_per_frame", "hit_rate"), {}),
-    Table("pose_error", "noise", ("tilt_noise",), ("over_area", "fp_per_frame", "hit_rate", "f1"), {**ALL, "error": "noise"}),
+    Table(
+        "morphology",
+        "morphology",
+        ("n_o", "delta_r", "best"),
+        ("hit_rate", "fp_per_frame", "splits", "merges", "f1"),
+        ALL,
+    ),
+    Table(
+        "plane_threshold",
+        "roughness",
+        ("roughness", "pl_th", "best"),
+        ("hit_rate", "fp_per_frame", "f1"),
+        {**ALL, "slope": ""},
+    ),
+    Table(
+        "plane_threshold",
+        "slope",
+        ("slope", "pl_th"),
+        ("fp_per_frame", "over_area"),
+        {**ALL, "roughness": "", "pl_th": "0.1"},
+    ),
+    Table(
+        "occlusion",
+        "occlusion",
+        ("scene", "obstacles", "shading"),
+        ("shadow_gaps", "fp_per_frame", "hit_rate"),
+        {},
+    ),
+    Table(
+        "pose_error",
+        "noise",
+        ("tilt_noise",),
+        ("over_area", "fp_per_frame", "hit_rate", "f1"),
+        {**ALL, "error": "noise"},
+    ),
     *(
-        Table("pose_error", error, (error,), ("over_area", "fp_per_frame", "hit_rate", "f1"), {**ALL, "error": error})
+        Table(
+            "pose_error",
+            error,
+            (error,),
+            ("over_area", "fp_per_frame", "hit_rate", "f1"),
+            {**ALL, "error": error},
+        )
         for error in ("roll", "pitch", "height")
     ),
-    Table("radius", "radius", ("r_max", "i_width"), ("hit_rate", "fp_per_frame", "coverage", "f1"), {"scene": "street", "by": "", "domain": ""}),
-    Table("radius", "position", ("group", "r_max"), ("hit_rate",), {"scene": "street", "by": "position", "i_width": "65", "domain": ""}),
-    Table("radius", "range", ("group", "r_max"), ("hit_rate", "near_edge_error"), {"scene": "all", "by": "range", "i_width": "65", "domain": "", "r_max": "10.0"}),
-    Table("radius", "density", ("density", "r_max"), ("fp_per_frame", "over_area"), {"scene": "plain", "by": "", "i_width": "65"}),
-    Table("crossing", "crossing", ("scene", "uniform"), ("axis_angle", "npca_yaw_error", "pca_yaw_error", "npca_length_error", "pca_length_error"), {"by": "", "k": "6", "r_max": "3.0"}),
-    Table("crossing", "shapes", ("scene", "group"), ("axis_angle", "npca_yaw_error", "pca_yaw_error"), {"by": "label", "k": "7", "r_max": "5.0", "uniform": "area"}),
+    Table(
+        "radius",
+        "radius",
+        ("r_max", "i_width"),
+        ("hit_rate", "fp_per_frame", "coverage", "f1"),
+        {"scene": "street", "by": "", "domain": ""},
+    ),
+    Table(
+        "radius",
+        "position",
+        ("group", "r_max"),
+        ("hit_rate",),
+        {"scene": "street", "by": "position", "i_width": "65", "domain": ""},
+    ),
+    Table(
+        "radius",
+        "range",
+        ("group", "r_max"),
+        ("hit_rate", "near_edge_error"),
+        {"scene": "all", "by": "range", "i_width": "65", "domain": "", "r_max": "10.0"},
+    ),
+    Table(
+        "radius",
+        "density",
+        ("density", "r_max"),
+        ("fp_per_frame", "over_area"),
+        {"scene": "plain", "by": "", "i_width": "65"},
+    ),
+    Table(
+        "crossing",
+        "crossing",
+        ("scene", "uniform"),
+        ("axis_angle", "npca_yaw_error", "pca_yaw_error", "npca_length_error", "pca_length_error"),
+        {"by": "", "k": "6", "r_max": "3.0"},
+    ),
+    Table(
+        "crossing",
+        "shapes",
+        ("scene", "group"),
+        ("axis_angle", "npca_yaw_error", "pca_yaw_error"),
+        {"by": "label", "k": "7", "r_max": "5.0", "uniform": "area"},
+    ),
     Table("timing", "timing", ("points", "k"), ("median", "p95", "mean"), {}),
     Table("sensors", "sensors", ("sensor", "delta_r", "best"), ("hit_rate", "fp_per_frame", "f1"), ALL),
-    Table("sensors", "sensor_bins", ("sensor", "delta_r"), ("bin_ratio", "bin_filled", "ring_growth"), {"by": "bins"}),
-    Table("deviations", "deviations", ("sensor", "deviation"), ("hit_rate", "fp_per_frame", "over_area", "f1", "npca_accuracy"), ALL),
-)  # fmt: skip
+    Table(
+        "sensors",
+        "sensor_bins",
+        ("sensor", "delta_r"),
+        ("bin_ratio", "bin_filled", "ring_growth"),
+        {"by": "bins"},
+    ),
+    Table(
+        "deviations",
+        "deviations",
+        ("sensor", "deviation"),
+        ("hit_rate", "fp_per_frame", "over_area", "f1", "npca_accuracy"),
+        ALL,
+    ),
+)
 BEST = ("hit_rate", "fp_per_frame", "coverage", "f1", "pq")
 PAPER = {"k": "6", "n_o": "1", "delta_r": "1.1", "pl_th": "0.1"}
 
@@ -85,15 +169,23 @@ def made(folder: Path, asked: Table) -> str:
     chosen = [row for row in rows(folder / f"{asked.study}.csv") if fits(row, asked.where)]
     keys = [key for key in asked.keys if any(row.get(key) for row in chosen)]
     body = [
-        [*("yes" if key == "best" and row[key] else row[key] for key in keys), *(figure(row, name) for name in asked.figures)]
+        [
+            *("yes" if key == "best" and row[key] else row[key] for key in keys),
+            *(figure(row, name) for name in asked.figures),
+        ]
         for row in chosen
-    ]  # fmt: skip
+    ]
     return table([*keys, *asked.figures], body)
 
 
 def claims(folder: Path) -> str:
     body = [
-        [f"{row['words']} ({row['section']})", row["verdict"], row["conditions"], f"{row['study']}: {row['claim']}"]
+        [
+            f"{row['words']} ({row['section']})",
+            row["verdict"],
+            row["conditions"],
+            f"{row['study']}: {row['claim']}",
+        ]
         for row in rows(folder / "claims.csv")
     ]
     return table(["the paper says (section)", "verdict", "under which conditions", "study: claim"], body)

@@ -1,20 +1,18 @@
 """How long a configuration alone takes (Section 4.8): one thread, one frame at a time, nothing shared."""
 
-import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from gapeval.config import Configuration
-from gapeval.detection import detect
 from gapeval.frame import FloatArray, Frame
 from gapeval.logs.read import Recording, read_frames
 from gapeval.studies.cases import Planned
 from gapeval.studies.estimates import Estimate, of_frames
 from gapeval.studies.rows import Row, about_configuration, conditions_of
+from gapeval.sweep.alone import seconds_alone
 from gapeval.sweep.executor import one_thread
 from gapeval.sweep.grid import configurations
-from gapeval.traversability import assess
 
 REPEATS = 3  # of which the first, that fills caches, does not count
 
@@ -25,15 +23,15 @@ def time_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[
     found = configurations(planned.config)
     rows = []
     for keys, cases in conditions_of(planned, by_scene=False):
-        taken: list[FloatArray] = []
+        taken: list[list[float]] = []
         points: list[int] = []
         for case in cases.tolist():
             for frame in read_frames(opened[case], 0, len(opened[case].scans)):
                 if isinstance(frame, Frame):
                     points.append(len(frame.points))
-                    taken.append(np.array([alone(frame, configuration) for configuration in found]))
+                    taken.append([alone(frame, configuration) for configuration in found])
                 advance(1)
-        seconds = np.array(taken).reshape(len(taken), len(found), -1)
+        seconds = np.array(taken).reshape(len(taken), len(found))
         number = float(np.median(points)) if points else None
         for index, configuration in enumerate(found):
             figures = {"points": Estimate(number), **figures_of(seconds[:, index])}
@@ -47,19 +45,14 @@ def time_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[
     return rows
 
 
-def alone(frame: Frame, configuration: Configuration) -> FloatArray:
-    """Seconds of gap detection and traversability analysis, each time they were done again."""
-    taken = []
-    for _ in range(REPEATS):
-        begin = time.perf_counter()
-        assess(detect(frame, configuration), configuration.robot, configuration.crossing)
-        taken.append(time.perf_counter() - begin)
-    return np.array(taken[1:])
+def alone(frame: Frame, configuration: Configuration) -> float:
+    """Seconds, on average over the times that it was done again."""
+    taken = [seconds_alone(frame, configuration) for _ in range(REPEATS)]
+    return float(np.mean(taken[1:]))
 
 
-def figures_of(seconds: FloatArray) -> dict[str, Estimate]:
-    """Of times (F, R): over frames, resampled by frames."""
-    each = seconds.mean(axis=1)
+def figures_of(each: FloatArray) -> dict[str, Estimate]:
+    """Of the times of frames (F,), drawn anew by frames."""
     return {
         "median": of_frames(each, np.median),
         "p95": of_frames(each, lambda one, **axis: np.quantile(one, 0.95, **axis)),

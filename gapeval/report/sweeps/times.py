@@ -2,7 +2,6 @@
 
 import csv
 import io
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,15 +10,14 @@ from typing import Any
 import numpy as np
 
 from gapeval.config import Configuration
-from gapeval.detection import detect
 from gapeval.errors import GapevalError
 from gapeval.files import write_whole
 from gapeval.frame import Frame
 from gapeval.logs.read import Recording, read_frames
 from gapeval.report.sweeps.logs import Sources
 from gapeval.report.sweeps.results import Results, number, read_rows
+from gapeval.sweep.alone import seconds_alone
 from gapeval.sweep.executor import one_thread
-from gapeval.traversability import assess
 
 TIMES = "times.csv"
 COLUMNS = ("log", "sha256", "configuration", "frames", "median", "p95")
@@ -82,7 +80,7 @@ def _measured(
 ) -> dict[str, str]:
     """The row of one configuration: of each frame the quickest time."""
     one_thread()
-    each = [min(_seconds(frame, configuration) for _ in range(REPEATS)) for frame in frames]
+    each = [min(seconds_alone(frame, configuration) for _ in range(REPEATS)) for frame in frames]
     cells = (entry["log"], entry["sha256"], name, len(each), np.median(each), np.quantile(each, 0.95))
     return dict(
         zip(
@@ -91,13 +89,6 @@ def _measured(
             strict=True,
         )
     )
-
-
-def _seconds(frame: Frame, configuration: Configuration) -> float:
-    start = time.perf_counter()
-    detection = detect(frame, configuration)
-    assess(detection, configuration.robot, configuration.crossing)
-    return time.perf_counter() - start
 
 
 def _keep(path: Path, rows: Sequence[dict[str, str]]) -> str:
