@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-CLAIMS = ("study", "claim", "section", "words", "measured", "verdict", "conditions", "source")
+CLAIMS = ("study", "claim", "section", "words", "measured", "verdict", "conditions", "rule", "source")
 
 RESOLUTION = {
     "title": "Resolution",
@@ -38,13 +38,13 @@ MORPHOLOGY: dict[str, Any] = {
 
 JUDGED = (
     ("resolution", "small-gaps", "4.2.1", "Small gaps are lost below k = 5",
-     "hit_rate 0.31 (0.2 to 0.42) at k 4, 0.83 at k 6", "holds", "tunnel, lms151",
+     "hit_rate 0.31 (0.2 to 0.42) at k 4, 0.83 at k 6", "holds", "tunnel, lms151", "low.high < 0.5",
      "resolution.csv, rows with by = all, sensor = lms151"),
     ("resolution", "splits", "4.2.1", "Gaps split above k = 7",
-     "splits 1.02 at k 8", "holds partly", "", "resolution.csv, all rows"),
+     "splits 1.02 at k 8", "holds partly", "", "splits.low > 1", "resolution.csv, all rows"),
     ("morphology", "one", "4.2.3", "n_o = 1 is enough <always>",
-     "f1 falls by 0.1", "does not hold", "street", "morphology.csv, all rows"),
-    ("morphology", "cross", "", "A cross does as well", "", "not measured", "", ""),
+     "f1 falls by 0.1", "does not hold", "street", "f1.low > 0", "morphology.csv, all rows"),
+    ("morphology", "cross", "", "A cross does as well", "", "not measured", "", "", ""),
 )  # fmt: skip
 
 
@@ -76,8 +76,8 @@ def write_studies(folder: Path, quick: bool = False) -> Path:
     for name, study in {"resolution": RESOLUTION, "morphology": MORPHOLOGY}.items():
         (folder / name).mkdir()
         (folder / name / "study.yaml").write_text(yaml.safe_dump(study, sort_keys=False))
-    run = folder / "resolution" / "tunnel-lms151"
-    run.mkdir()
+    run = folder / "resolution" / "runs" / "tunnel-lms151"
+    run.mkdir(parents=True)
     (run / "summary.csv").write_text("log\n")
     return folder
 

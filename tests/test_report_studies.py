@@ -40,7 +40,7 @@ def test_claims_come_first_and_then_every_study(studies: Path, tmp_path: Path) -
     assert verdicts[:4] == ["yes", "partly", "no", "unknown"]
     assert len(verdicts) == 4 + 2 * len(JUDGED)
     assert "No curves: no figure was measured." in page
-    assert f"{studies.as_posix()}/resolution/tunnel-lms151" in page
+    assert f"{studies.as_posix()}/resolution/runs/tunnel-lms151" in page
 
 
 def test_curves_are_of_the_rows_that_are_asked_for(studies: Path) -> None:

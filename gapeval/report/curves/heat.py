@@ -65,5 +65,6 @@ def draw_heat(axes: Axes, heat: Heat) -> None:
 
 def _write(axes: Axes, column: int, row: int, text: str, colour: str, heat: Heat) -> None:
     if len(heat.x) <= WRITTEN:
-        size = min(10.0, 9.5 * 5 / len(heat.x), 0.62 * (heat.height - 50) / len(heat.y))
+        cell = (heat.width - 45) / len(heat.x), (heat.height - 50) / len(heat.y)
+        size = min(10.0, 0.36 * cell[0], 0.62 * cell[1])  # four signs
         axes.text(column, row, text, ha="center", va="center", fontsize=max(size, 5.0), color=colour)

@@ -8,10 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
+from gapeval.frame import FloatArray
 from gapeval.report.curves.style import RULE, Look
 
 LONG = 9  # letters that fit under a tick where there are few
-TICKS = 8  # numbers that fit under an axis
+TICKS = 16  # different numbers, from which on round ones are under the axis
+NEAREST = 0.11  # of the axis, from one to the next
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +115,21 @@ def _number_axis(axes: Axes, panel: Panel) -> None:
     if panel.log_x:
         axes.set_xscale("log")
     there = np.unique([point.x for line in panel.lines for point in line.points])
-    apart = np.diff(np.log(there) if panel.log_x else there)
-    if 1 < len(there) <= TICKS and apart.min() > apart.sum() / (2 * TICKS):
-        axes.xaxis.set_major_locator(FixedLocator(there.tolist()))
+    if len(there) <= TICKS:
+        axes.xaxis.set_major_locator(FixedLocator(apart(np.log(there) if panel.log_x else there, there)))
     else:
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)) if panel.log_x else MaxNLocator(6))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "\N{MINUS SIGN}")))
+
+
+def apart(places: FloatArray, values: FloatArray) -> list[float]:
+    """Of values, which rise, those whose places are far enough from each other to be named."""
+    kept: list[int] = []
+    for index in range(len(places)):
+        if not kept or places[index] - places[kept[-1]] >= NEAREST * (places[-1] - places[0]):
+            kept.append(index)
+    return [float(values[index]) for index in kept]
 
 
 def _name_categories(axes: Axes, names: Sequence[str]) -> None:

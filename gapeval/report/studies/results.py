@@ -70,7 +70,7 @@ def _study(folder: Path, name: str) -> Study:
     if not isinstance(about, dict):
         raise GapevalError(f"{path}: not a study; run it again")
     rows = tuple(read_rows(folder / f"{name}.csv"))
-    runs = sorted(run.parent.relative_to(folder).as_posix() for run in (folder / name).glob("*/summary.csv"))
+    runs = sorted(run.parent.relative_to(folder).as_posix() for run in (folder / name).rglob("summary.csv"))
     texts = {key: _text(about.get(key)) for key in ("title", "paper", "question", "says")}
     curves = about.get("curves") or ()
     return Study(

@@ -89,7 +89,9 @@ def _exhibit(study: Study, curve: Curve, place: int, source: str) -> Exhibit | N
         if curve.lines
         else ()
     )
-    asked = ", ".join(f"{name} = {' or '.join(any_of)}" for name, any_of in curve.where.items())
+    asked = ", ".join(
+        f"{name} = {' or '.join(one or '(empty)' for one in any_of)}" for name, any_of in curve.where.items()
+    )
     return Exhibit(
         name=f"{study.name}-{place}",
         title=curve.title or f"{', '.join(curve.y)} against {_label(curve.x)}",
@@ -106,8 +108,12 @@ def _caption(rows: Sequence[Row], curve: Curve) -> str:
     known = any(
         number(row, f"{y}_{end}") is not None for row in rows for y in curve.y for end in ("low", "high")
     )
-    shape = "Bands are" if _is_numeric(rows, curve.x) else "Bars are"
-    return f"{shape} 95 % intervals." if known else "No intervals: there is too little data for them."
+    shape = "Bands" if _is_numeric(rows, curve.x) else "Bars"
+    return (
+        f"{shape}: 95 % intervals, where there is enough data for one."
+        if known
+        else "No intervals: there is too little data for them."
+    )
 
 
 def _panel(curve: Curve, y: str, rows: Sequence[Row], looks: dict[str, Look]) -> Panel:

@@ -63,7 +63,7 @@ def _curves(results: Results, base: Row, name: str, source: str) -> Exhibit:
         title=f"Against {label(name)}",
         drawings=panels,
         legend=legend,
-        caption=_caption(name),
+        caption=_caption(name, slices),
         source=(
             f"{source}, rows with log = all{held}"
             + ("" if alone else "; the dashed line from all rows with log = all")
@@ -72,9 +72,13 @@ def _curves(results: Results, base: Row, name: str, source: str) -> Exhibit:
     )
 
 
-def _caption(name: str) -> str:
+def _caption(name: str, slices: Sequence[Slice]) -> str:
     meaning = meanings()[name].replace("`", "")
-    return f"{name}: {meaning}. The values stand evenly spaced; the grey bar is the configuration above."
+    known = any(row is not None and row.get(f"{one.metric}_low") for one in slices for row in one.base)
+    bands = " Bands: 95 % intervals." if known else ""
+    return (
+        f"{name}: {meaning}. The values stand evenly spaced; the grey bar is the configuration above.{bands}"
+    )
 
 
 def cut(rows: Sequence[Row], base: Row, name: str, others: Sequence[str], metric: str) -> Slice:

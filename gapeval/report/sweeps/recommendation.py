@@ -71,8 +71,7 @@ def reason(found: Recommendation, configurations: int) -> str:
         )
     else:
         tells = (
-            f"The highest pq is {pq}; it has no interval, since the logs are too short for one, and "
-            f"what is within {NEAR:g} of it counts as equal"
+            f"The highest pq is {pq}; it has no interval, and what is within {NEAR:g} of it counts as equal"
         )
     if found.candidates == 1:
         return f"{tells}. No other configuration reaches that."
