@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,12 @@ def small(tmp_path_factory) -> tuple[Path, Path]:
     result = gapeval("study", path, "-o", folder / "out", "--jobs", 2)
     assert result.status == 0, result.err
     return path, folder / "out"
+
+
+def with_logs(small: tuple[Path, Path], folder: Path) -> Path:
+    """A folder for studies that has the simulated logs already."""
+    shutil.copytree(small[1] / "logs", folder / "logs")
+    return folder
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -119,6 +126,7 @@ def test_claims_are_judged_and_traced(small) -> None:
 
 
 def test_same_bytes_for_any_number_of_workers_and_again(small, tmp_path) -> None:
+    with_logs(small, tmp_path)
     for _ in range(2):  # the second time, all is there
         assert gapeval("study", small[0], "-o", tmp_path, "--jobs", 1).status == 0
         assert csvs(tmp_path) == csvs(small[1])
@@ -127,7 +135,7 @@ def test_same_bytes_for_any_number_of_workers_and_again(small, tmp_path) -> None
 
 
 def test_what_is_lost_is_done_again_and_nothing_else(small, tmp_path) -> None:
-    assert gapeval("study", small[0], "-o", tmp_path, "--jobs", 1).status == 0
+    shutil.copytree(small[1], tmp_path, dirs_exist_ok=True)
     before = csvs(tmp_path)
     parts = sorted((tmp_path / "mine" / "scenes" / "parts").glob("*.zst"))
     parts[0].unlink()
@@ -142,12 +150,12 @@ def test_claims_of_other_studies_stay(small, tmp_path) -> None:
     other = tmp_path / "other.yaml"
     other.write_text(yaml.safe_dump(SMALL | {"runs": [SMALL["runs"][0] | {"seeds": 1, "scenes": ["plain"]}]}))
     out = tmp_path / "out"
-    assert gapeval("study", small[0], "-o", out).status == 0
-    assert gapeval("study", other, "-o", out).status == 0
+    shutil.copytree(small[1], out)
+    assert gapeval("study", other, "-o", out, "--jobs", 1).status == 0
     assert [row["study"] for row in rows(out / "claims.csv")] == ["mine", "other"]
     assert json.loads((out / "manifest.json").read_text())["studies"] == ["mine", "other"]
     # ... but not beside those of another configuration.
-    assert gapeval("study", other, "-o", out, "-p", "pl_th=0.2").status == 0
+    assert gapeval("study", other, "-o", out, "-p", "pl_th=0.2", "--jobs", 1).status == 0
     assert [row["study"] for row in rows(out / "claims.csv")] == ["other"]
 
 
@@ -155,7 +163,7 @@ def test_a_log_of_ones_own(small, tmp_path) -> None:
     """Instead of all scenes; its conditions are those of its poses alone."""
     log = small[1] / "logs" / "street-lms151-seed1-frames2"
     given = ("--log", log / "street.mcap", "--labels", log / "labels.geojson", "-p", "robot.ground_z=-0.0705")
-    result = gapeval("study", small[0], *given, "-o", tmp_path)
+    result = gapeval("study", small[0], *given, "-o", tmp_path, "--jobs", 1)
     assert result.status == 0, result.err
     assert not list((tmp_path / "logs").glob("*-*"))
     found = [row for row in rows(tmp_path / "mine.csv") if not row["by"] and not row["kind"]]
