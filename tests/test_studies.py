@@ -13,6 +13,7 @@ from command import gapeval
 
 from gapeval.studies.cases import plan_runs
 from gapeval.studies.claims import check_rules
+from gapeval.studies.columns import check_columns
 from gapeval.studies.definition import NAMES, quickly, read_study, studies_folder
 from gapeval.sweep.grid import configurations
 
@@ -46,6 +47,10 @@ SMALL = {
         }
     ],
 }
+
+
+CHANGE = {"of": "fp_per_frame", "where": {"n_o": 1}, "minus": {"n_o": 0}}
+PLAIN = SMALL | {"claims": [SMALL["claims"][0] | {"figures": {"change": CHANGE}}]}
 
 
 @pytest.fixture(scope="module")
@@ -148,7 +153,7 @@ def test_what_is_lost_is_done_again_and_nothing_else(small, tmp_path) -> None:
 
 def test_claims_of_other_studies_stay(small, tmp_path) -> None:
     other = tmp_path / "other.yaml"
-    other.write_text(yaml.safe_dump(SMALL | {"runs": [SMALL["runs"][0] | {"seeds": 1, "scenes": ["plain"]}]}))
+    other.write_text(yaml.safe_dump(PLAIN | {"runs": [SMALL["runs"][0] | {"seeds": 1, "scenes": ["plain"]}]}))
     out = tmp_path / "out"
     shutil.copytree(small[1], out)
     assert gapeval("study", other, "-o", out, "--jobs", 1).status == 0
@@ -178,6 +183,7 @@ def test_our_studies_can_be_run(name) -> None:
     """Every configuration, log, rule and figure that they name is one; quickly too."""
     called, study = read_study(name)
     assert called == name
+    check_columns(name, study)
     check_rules(name, study)
     for one in (study, study.model_copy(update={"runs": tuple(map(quickly, study.runs))})):
         for planned in plan_runs(name, one, {}, None):
@@ -200,6 +206,12 @@ def test_every_file_of_the_folder_is_on_the_list() -> None:
         ({"runs": [{"scenes": ["plain"]}, {"scenes": ["plain"]}]}, "more than one run of this name"),
         ({"grid": {"delta_q": [1]}}, "delta_q: no such parameter"),
         ({"titel": "x"}, "titel: no such parameter"),
+        ({"curves": [{"x": "n_0", "y": ["f1"]}]}, "curves, number 1: no column n_0; did you mean n_o?"),
+        (
+            {"claims": [SMALL["claims"][0] | {"holds": "chance.value < 0"}]},
+            "no figure chance; there are change",
+        ),
+        ({"claims": [SMALL["claims"][0] | {"by": "seen"}]}, "claims.fewer_false_gaps: no column seen"),
         ({"config": {"detector": {"k": 99}}}, "detector.k: input should be less than or equal to 12"),
     ],
 )
@@ -226,7 +238,7 @@ def test_frames_far_apart_have_no_interval_but_many_logs_do(tmp_path) -> None:
     """Five logs are enough to draw from; the interval holds the figure."""
     path = tmp_path / "five.yaml"
     path.write_text(
-        yaml.safe_dump(SMALL | {"runs": [{"scenes": ["plain"], "seeds": 5, "frames": 1}], "labels_by": []})
+        yaml.safe_dump(PLAIN | {"runs": [{"scenes": ["plain"], "seeds": 5, "frames": 1}], "labels_by": []})
     )
     assert gapeval("study", path, "-o", tmp_path / "out").status == 0
     for row in rows(tmp_path / "out" / "five.csv"):

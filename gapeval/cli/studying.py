@@ -19,6 +19,7 @@ from gapeval.simulate.casting import has_embree
 from gapeval.simulate.layouts import SCENES
 from gapeval.studies.cases import Given, Planned, Recipe, plan_runs
 from gapeval.studies.claims import Judged, check_rules, judge
+from gapeval.studies.columns import check_columns
 from gapeval.studies.definition import NAMES, Study, quickly, read_study
 from gapeval.studies.folder import about, write_claims, write_study
 from gapeval.studies.logs import LOGS, make, missing
@@ -114,6 +115,7 @@ def _those_that_can_be(user: dict[str, Any], given: Given | None, quick: bool) -
 
 def _ready(name: str, user: dict[str, Any], given: Given | None, quick: bool) -> Ready:
     called, study = read_study(name)
+    check_columns(called, study)
     check_rules(called, study)
     if quick:
         study = study.model_copy(update={"runs": tuple(map(quickly, study.runs))})

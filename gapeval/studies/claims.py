@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jinja2 import StrictUndefined, TemplateSyntaxError
+from jinja2 import StrictUndefined, TemplateSyntaxError, meta
 from jinja2.sandbox import SandboxedEnvironment
 
 from gapeval.errors import ConfigError
@@ -50,10 +50,19 @@ def check_rules(name: str, study: Study) -> None:
     """Whether the rules can be read, and ask for figures that there are. Raises ConfigError."""
     for claim in study.claims:
         for rule in filter(None, (claim.holds, claim.partly)):
+            where = f"study {name}: claims.{claim.claim}: {rule}"
             try:
                 RULES.compile_expression(rule)
             except TemplateSyntaxError as error:
-                raise ConfigError(f"study {name}: claims.{claim.claim}: {rule}: {error.message}") from error
+                raise ConfigError(f"{where}: {error.message}") from error
+            unknown = meta.find_undeclared_variables(RULES.parse("{{" + rule + "}}")) - claim.figures.keys()
+            if unknown:
+                raise ConfigError(f"{where}: no figure {min(unknown)}; there are {', '.join(claim.figures)}")
+        for key, figure in claim.figures.items():
+            if figure.weigh and figure.of not in RIGHT:
+                raise ConfigError(
+                    f"study {name}: claims.{claim.claim}.{key}: weigh takes of: {' or '.join(RIGHT)}"
+                )
 
 
 def _judge(name: str, claim: Claim, rows: Sequence[Row]) -> Judged:

@@ -13,7 +13,7 @@ import yaml
 from gapeval import __version__
 from gapeval.files import make_folder, whole_files, write_whole
 from gapeval.results.manifest import SCORER
-from gapeval.studies.cases import Given, columns_of
+from gapeval.studies.cases import Given
 from gapeval.studies.claims import COLUMNS, Judged
 from gapeval.studies.definition import NAMES, Study
 from gapeval.studies.rows import Row, csv_text, with_best
@@ -42,7 +42,7 @@ def write_study(folder: Path, name: str, study: Study, rows: Sequence[Row]) -> P
     text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=110)
     write_whole(folder / name / STUDY, text.encode())
     path = folder / f"{name}.csv"
-    write_whole(path, csv_text(with_best(rows), columns_of(study)).encode())
+    write_whole(path, csv_text(with_best(rows), study).encode())
     return path
 
 

@@ -14,6 +14,7 @@ from gapeval.ragged import IndexArray
 from gapeval.results.store import BEST
 from gapeval.results.tables import PARAMETERS, cell, parameters
 from gapeval.studies.cases import Planned
+from gapeval.studies.columns import FIGURES, key_columns, named_by
 from gapeval.studies.definition import Claim, Study, Value
 from gapeval.studies.estimates import NOTHING, Estimate, estimates
 from gapeval.studies.tally import Tables, Tally, by_gap_range, by_labels, letter
@@ -100,17 +101,21 @@ def _goodness(row: Row) -> tuple[float, ...]:
     return tuple(sign * (row.figures[name].value or 0.0) for name, sign in BEST)
 
 
-def csv_text(rows: Sequence[Row], conditions: Sequence[str]) -> str:
+def csv_text(rows: Sequence[Row], study: Study) -> str:
     """The rows as CSV: what varies first, then figures each with its interval, then counts.
 
-    Columns that are empty in all rows are left out, and so are parameters that are the same in all.
+    Columns that are empty in all rows are left out, and so are parameters that are the same in all, unless a
+    curve is drawn from them.
     """
-    varied = [name for name in PARAMETERS if len({row.keys.get(name) for row in rows}) > 1]
-    keys = ["scene", *conditions, "by", "group", "configuration", *varied, "best"]
-    keys = [name for name in keys if any(row.keys.get(name) is not None for row in rows)]
-    figures = dict.fromkeys(
-        name for row in rows for name, one in row.figures.items() if one.value is not None
-    )
+    drawn = {column for curve in study.curves for column in named_by(curve)}
+    different = {name: {row.keys.get(name) for row in rows} for name in key_columns(study)}
+    keys = [
+        name
+        for name, values in different.items()
+        if name in drawn or (len(values) > 1 if name in PARAMETERS else values != {None})
+    ]
+    known = {name for row in rows for name, one in row.figures.items() if one.value is not None}
+    figures = [name for name in FIGURES if name in known | drawn]
     counts = dict.fromkeys(name for row in rows for name in row.counts)
     heads = [*keys, *(f"{name}{end}" for name in figures for end in ("", "_low", "_high")), *counts]
     text = io.StringIO()

@@ -3,6 +3,7 @@
 import html
 import io
 import re
+import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -104,6 +105,9 @@ def _inline(drawn: str, name: str, what: Drawable) -> str:
     )
 
 
+LETTER = 9.0  # width of a letter of a title, in the units of drawings
+
+
 def png(drawings: Sequence[Drawable], legend: Sequence[tuple[str, Look]], title: str) -> bytes:
     """All drawings of a figure in rows of two, in the colours of the light page, with a legend."""
     columns = min(2, len(drawings))
@@ -115,7 +119,7 @@ def png(drawings: Sequence[Drawable], legend: Sequence[tuple[str, Look]], title:
             figsize=(width / UNIT, height / UNIT), layout="constrained", facecolor="white", dpi=DPI
         )
         FigureCanvasAgg(figure)
-        figure.suptitle(title, fontsize=11, fontweight="bold")
+        figure.suptitle(textwrap.fill(title, int(width / LETTER)), fontsize=11, fontweight="bold")
         for index, what in enumerate(drawings):
             draw(figure.add_subplot(rows, columns, index + 1), what)
         if legend:
