@@ -140,6 +140,7 @@ TABLES = (
     ),
 )
 BEST = ("hit_rate", "fp_per_frame", "coverage", "f1", "pq")
+WIDTHS = {"0.25-0.30": 0.4, "0.55-0.70": 0.8, "1.1-1.35": 2.0}  # m, of the trenches of `approach`
 PAPER = {"k": "6", "n_o": "1", "delta_r": "1.1", "pl_th": "0.1"}
 
 
@@ -202,6 +203,45 @@ def values(folder: Path) -> str:
     return table(["radius", "values", *PAPER, *BEST], body)
 
 
+def approaches(folder: Path) -> str:
+    """From where trenches are seen that the robot drives towards, by radius, at i_width 65."""
+    run = folder / "radius" / "street"
+    radius = {
+        row["configuration"]: row["r_max"] for row in rows(run / "summary.csv") if row["i_width"] == "65"
+    }
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows(run / "approaches.csv"):
+        if row["log"].startswith("approach") and row["configuration"] in radius:
+            width = next(name for name, most in WIDTHS.items() if float(row["width"]) <= most)
+            groups.setdefault((radius[row["configuration"]], width), []).append(row)
+    body = [
+        [
+            *key,
+            str(len(group)),
+            str(sum(not row["first_hit"] for row in group)),
+            mean(group, "first_hit"),
+            mean(group, "nearest_missed"),
+            mean(group, "nearest"),
+        ]
+        for key, group in sorted(groups.items(), key=lambda item: (float(item[0][0]), item[0][1]))
+    ]
+    head = [
+        "r_max",
+        "width [m]",
+        "trenches",
+        "never hit",
+        "first_hit [m]",
+        "nearest_missed [m]",
+        "nearest [m]",
+    ]
+    return table(head, body)
+
+
+def mean(group: Sequence[Row], name: str) -> str:
+    known = [float(row[name]) for row in group if row[name]]
+    return f"{sum(known) / len(known):.2f}" if known else "-"
+
+
 def main() -> None:
     with tempfile.TemporaryDirectory() as work:
         command = [sys.executable, "-m", "gapeval"]
@@ -209,7 +249,8 @@ def main() -> None:
         if len(sys.argv) == 1:
             subprocess.run([*command, "study", "-o", folder], check=True)
         page = PAGE.read_text(encoding="utf-8")
-        for name, text in {"claims": claims(folder), "values": values(folder)}.items():
+        parts = {"claims": claims(folder), "values": values(folder), "approaches": approaches(folder)}
+        for name, text in parts.items():
             page = with_part(page, name, text + "\n", script="reproduce")
         for asked in TABLES:
             page = with_part(page, asked.name, made(folder, asked) + "\n", script="reproduce")

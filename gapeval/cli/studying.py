@@ -1,7 +1,7 @@
 """Run studies for a command: progress over all of them, a line for each, then the claims."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gapeval.cli.reading import progress_bar, say
+from gapeval.cli.reading import open_logs, progress_bar, say, say_newly_refused
 from gapeval.config import Config
 from gapeval.errors import ConfigError, GapevalError
 from gapeval.files import make_folder
+from gapeval.logs.read import Recording
 from gapeval.report.text import columns, counted
 from gapeval.results.parts import locked
 from gapeval.simulate.casting import has_embree
@@ -24,7 +25,7 @@ from gapeval.studies.definition import NAMES, Study, quickly, read_study
 from gapeval.studies.folder import about, write_claims, write_study
 from gapeval.studies.logs import LOGS, make, missing
 from gapeval.studies.rows import Row
-from gapeval.studies.runs import Recordings, rows_of_run
+from gapeval.studies.runs import Recordings, Tell, rows_of_run
 from gapeval.sweep.executor import in_processes, in_this_process, results
 
 if TYPE_CHECKING:
@@ -38,6 +39,18 @@ class Ready:
     name: str
     study: Study
     runs: tuple[Planned, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """The logs of which it was said what was refused when they were read: once, however often they are."""
+
+    logs: set[Path]
+
+    def of(self, recording: Recording, refused: Mapping[str, int]) -> None:
+        if recording.path not in self.logs:
+            self.logs.add(recording.path)
+            say_newly_refused(recording, refused)
 
 
 def list_studies() -> None:
@@ -71,6 +84,9 @@ def run_studies(
             say(f"grid.{key}: no study of these varies it; set one value outside of `grid` to have it used")
     if len({one.name for one in ready}) < len(ready):
         raise ConfigError("a study is named twice; name each once")
+    if given is not None:
+        open_logs([given.log], ready[0].runs[0].config.log)  # says what was picked, and what is refused
+    told = Told(set())
     make_folder(output)
     jobs = jobs or os.cpu_count() or 1
     judged: list[Judged] = []
@@ -83,7 +99,7 @@ def run_studies(
         for one in ready:
             bar.set_description(f"study {one.name}")
             try:
-                rows = _rows(one, recordings, output, jobs, bar.update)
+                rows = _rows(one, recordings, output, jobs, bar.update, told.of)
             except GapevalError as error:
                 failed.append(f"study {one.name}: {error}")
                 say(failed[-1])
@@ -165,13 +181,13 @@ def _make(output: Path, recipe: Recipe, _: Callable[[], bool]) -> bytes:
 
 
 def _rows(
-    one: Ready, recordings: Recordings, output: Path, jobs: int, advance: Callable[[int], object]
+    one: Ready, recordings: Recordings, output: Path, jobs: int, advance: Callable[[int], object], tell: Tell
 ) -> list[Row]:
     folder = output / one.name
     return [
         row
         for planned in one.runs
-        for row in rows_of_run(planned, one.study, recordings, folder, jobs, advance)
+        for row in rows_of_run(planned, one.study, recordings, folder, jobs, advance, tell)
     ]
 
 

@@ -1,6 +1,6 @@
 """The runs of a study over their logs: swept, timed, or their bins measured."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ from gapeval.config import LogSection
 from gapeval.errors import GapevalError
 from gapeval.labels import read_labels
 from gapeval.logs.read import Recording, erring, read_recording
-from gapeval.results.from_sweep import begin, evaluate_missing, plan, reason, write_results
+from gapeval.results.from_sweep import Outcome, begin, evaluate_missing, plan, reason, write_results
 from gapeval.results.part import make_part
 from gapeval.results.parts import locked
 from gapeval.studies.bins import bin_rows
@@ -22,6 +22,7 @@ from gapeval.studies.timing import time_rows
 from gapeval.sweep.executor import in_processes, in_this_process
 
 Advance = Callable[[int], object]
+Tell = Callable[[Recording, Mapping[str, int]], object]  # what was refused of a log, with reasons
 
 
 @dataclass(slots=True)
@@ -40,7 +41,13 @@ class Recordings:
 
 
 def rows_of_run(
-    planned: Planned, study: Study, recordings: Recordings, folder: Path, jobs: int, advance: Advance
+    planned: Planned,
+    study: Study,
+    recordings: Recordings,
+    folder: Path,
+    jobs: int,
+    advance: Advance,
+    tell: Tell,
 ) -> list[Row]:
     """Do a run, or what is missing of it. folder: of the study. advance: called with frames that are done.
 
@@ -51,7 +58,9 @@ def rows_of_run(
         return time_rows(planned, opened, advance)
     if planned.run.kind == "bins":
         return bin_rows(planned, opened, advance)
-    sweep(planned, opened, recordings.folder, folder / planned.run.name, jobs, advance)
+    done = sweep(planned, opened, recordings.folder, folder / planned.run.name, jobs, advance)
+    for recording, entry in zip(opened, done.logs, strict=True):
+        tell(recording, entry["refused"])
     return list(rows_of(planned, study, read_tables(planned, folder / planned.run.name)))
 
 
@@ -62,7 +71,7 @@ def sweep(
     folder: Path,
     jobs: int,
     advance: Advance,
-) -> None:
+) -> Outcome:
     """The result files of a run, as those of any sweep."""
     read = {path: read_labels(path) for path in {place(case, logs).labels for case in planned.cases}}
     labels = [read[place(case, logs).labels] for case in planned.cases]
@@ -75,6 +84,7 @@ def sweep(
         workers = in_processes(make_part, task, count) if count > 1 else in_this_process(make_part, task)
         with closing(evaluate_missing(begun, workers, advance)) as failures:
             failed = list(failures)
-        write_results(begun, failed, folder)
+        done = write_results(begun, failed, folder)
     if failed:
         raise GapevalError(f"{folder}: {len(failed)} units failed, the first because {reason(failed[0])}")
+    return done
