@@ -372,7 +372,7 @@ def load_config(path: Path | None, assignments: Iterable[str] = (), **explicit: 
     grid = values.get("grid") or {}
     if not isinstance(grid, dict):
         raise ConfigError(f"{source}: grid: expected `parameter: [values]`, found {type(grid).__name__}")
-    grid = _resolved_grid(grid, source)
+    grid = resolved_grid(grid, source)
     for text in assignments:
         key, choices = _parse_assignment(text)
         section, _, name = key.partition(".")
@@ -471,7 +471,7 @@ def _parse(values: Mapping[str, Any], source: str) -> Config:
         raise ConfigError(f"{source}: {validation_message(error)}") from error
 
 
-def _resolved_grid(grid: Mapping[str, Any], source: str) -> dict[str, Any]:
+def resolved_grid(grid: Mapping[str, Any], source: str) -> dict[str, Any]:
     """The grid with dotted keys, each of a section that may be swept."""
     resolved: dict[str, Any] = {}
     for name, choices in grid.items():

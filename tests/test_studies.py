@@ -122,7 +122,7 @@ def test_a_wrong_pose_changes_what_is_found(small) -> None:
 
 def test_claims_are_judged_and_traced(small) -> None:
     (claim,) = rows(small[1] / "claims.csv")
-    assert claim["verdict"] == "holds"
+    assert (claim["verdict"], claim["basis"]) == ("holds", "intervals")  # the rule asks for none
     assert claim["rule"] == "change.value < 0"
     assert claim["source"] == "mine.csv: change: fp_per_frame where n_o=1 kind= minus where n_o=0"
     table = {row["n_o"]: row for row in rows(small[1] / "mine.csv")[:2]}
@@ -212,6 +212,29 @@ def test_every_file_of_the_folder_is_on_the_list() -> None:
             "no figure chance; there are change",
         ),
         ({"claims": [SMALL["claims"][0] | {"by": "seen"}]}, "claims.fewer_false_gaps: no column seen"),
+        ({"claims": [SMALL["claims"][0] | {"holds": "change.value + 1"}]}, "is 1.5, neither true nor false"),
+        (
+            {"claims": [SMALL["claims"][0] | {"holds": "change.median > 1"}]},
+            "a figure has value, low and high",
+        ),
+        ({"claims": SMALL["claims"] * 2}, "claims.fewer_false_gaps: there is more than one claim"),
+        (
+            {"claims": [SMALL["claims"][0] | {"figures": {"change": {"where": {"n_o": 1}}}}]},
+            "figures.change.of: Field required",
+        ),
+        (
+            {"claims": [SMALL["claims"][0] | {"figures": {"change": {"of": "hitrate"}}}]},
+            "no figure hitrate; did you mean hit_rate?",
+        ),
+        ({"curves": [{"x": "n_o", "y": ["scene"]}]}, "curves, number 1: no figure scene"),
+        ({"grid": {"n_o": []}}, "grid.n_o: no values; give at least one"),
+        ({"runs": [{"scenes": ["plain"], "vary": {"roughness": ["x"]}}]}, "'x': must be a number"),
+        ({"runs": [{"scenes": ["plain"], "vary": {"obstacles": [1]}}]}, "1: must be true or false"),
+        (
+            {"runs": [{"scenes": ["plain"], "vary": {"roughness": [5.0]}}], "claims": []},
+            "study bad: roughness 5: must be",
+        ),
+        ({"runs": []}, "runs: Tuple should have at least 1 item"),
         ({"config": {"detector": {"k": 99}}}, "detector.k: input should be less than or equal to 12"),
     ],
 )

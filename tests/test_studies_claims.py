@@ -52,6 +52,18 @@ def test_the_ends_of_an_interval_can_be_asked_and_are_shown() -> None:
     assert verdict(claim("true", f1=F1), *rows).measured == "f1 0.7 [0.6, 0.8]"
 
 
+@pytest.mark.parametrize(
+    ("rule", "low", "basis"),
+    [
+        ("f1.low > 0", 0.6, "intervals"),
+        ("f1.low > 0", None, "values alone"),
+        ("f1.value > 0", None, "intervals"),
+    ],
+)
+def test_a_verdict_says_if_an_interval_was_wanting(rule, low, basis) -> None:
+    assert verdict(claim(rule, f1=F1), row({"f1": Estimate(0.7, low, low)})).basis == basis
+
+
 def test_a_figure_without_interval_is_both_its_ends() -> None:
     assert verdict(claim("f1.low == f1.value == f1.high", f1=F1), row({"f1": 0.7})).verdict == HOLDS
 
@@ -88,7 +100,8 @@ def test_rows_are_of_all_scenes_and_of_no_group_unless_asked_for() -> None:
 
 def test_what_was_not_run_is_not_measured() -> None:
     asked = claim("true", f1={"of": "f1", "where": {"k": 9}})
-    assert verdict(asked, row({"f1": 1.0}, k=6)).verdict == NOT_MEASURED
+    found = verdict(asked, row({"f1": 1.0}, k=6))
+    assert (found.verdict, found.measured, found.basis) == (NOT_MEASURED, "no row with k=9", "")
 
 
 def test_a_figure_of_several_rows_is_an_error() -> None:

@@ -83,7 +83,7 @@ def progress_bar(title: str, total: int, unit: str) -> Iterator["tqdm[Any]"]:
         total=total or None,
         desc=title,
         unit=f" {unit}",
-        leave=False,
+        leave=not sys.stderr.isatty(),  # in a file, what follows begins a line of its own
         mininterval=interval,
         delay=0.0 if sys.stderr.isatty() else interval,
         dynamic_ncols=True,

@@ -135,7 +135,11 @@ def _ready(name: str, user: dict[str, Any], given: Given | None, quick: bool) ->
     check_rules(called, study)
     if quick:
         study = study.model_copy(update={"runs": tuple(map(quickly, study.runs))})
-    return Ready(called, study, plan_runs(called, study, user, given))
+    try:
+        return Ready(called, study, plan_runs(called, study, user, given))
+    except ConfigError as error:
+        about = f"study {called}"
+        raise ConfigError(str(error) if str(error).startswith(about) else f"{about}: {error}") from error
 
 
 def _clouds(ready: Sequence[Ready], lacking: Sequence[Recipe], recordings: Recordings) -> int:
@@ -175,8 +179,8 @@ def _alone(work: Any, task: Any, _: int) -> Any:
     return in_this_process(work, task)
 
 
-def _make(output: Path, recipe: Recipe, _: Callable[[], bool]) -> bytes:
-    make(recipe, output)
+def _make(output: Path, recipe: Recipe, stopped: Callable[[], bool]) -> bytes:
+    make(recipe, output, stopped)
     return b""
 
 

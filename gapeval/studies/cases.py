@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gapeval.config import Config, LogSection, PoseError, PoseNoise, dotted_key, validation_message
+from gapeval.config import Config, LogSection, PoseError, PoseNoise, resolved_grid, validation_message
 from gapeval.errors import ConfigError
 from gapeval.simulate.layouts import ROUGH
 from gapeval.simulate.sensors import SENSORS
@@ -120,10 +120,8 @@ def config_of(name: str, study: Study, run: Run, user: Mapping[str, Any], given:
     robot = {} if given else {"robot": SENSORS[run.sensor].robot.model_dump(exclude_defaults=True)}
     values = merged(merged(merged(robot, study.config), user), run.config)
     grid = dict(study.grid if run.grid is None else run.grid)
-    values["grid"] = {
-        key: user.get("grid", {}).get(key, choices)
-        for key, choices in ((dotted_key(name), choices) for name, choices in grid.items())
-    }
+    own = resolved_grid(grid, f"study {name}, run {run.name}")
+    values["grid"] = {key: user.get("grid", {}).get(key, choices) for key, choices in own.items()}
     try:
         return Config.model_validate(values)
     except ValidationError as error:

@@ -7,14 +7,26 @@ from jinja2 import StrictUndefined, TemplateSyntaxError, meta
 from jinja2.sandbox import SandboxedEnvironment
 
 from gapeval.errors import ConfigError
-from gapeval.studies.definition import Claim, Figure, Study, Value
+from gapeval.studies.definition import Claim, Figure, Study, Value, Where
 from gapeval.studies.estimates import Estimate
 from gapeval.studies.figures import RIGHT, NoRowError, described, evaluated, fits, written
 from gapeval.studies.rows import ALL, Row
 
 HOLDS, PARTLY, DOES_NOT, NOT_MEASURED = "holds", "holds partly", "does not hold", "not measured"
 RULES = SandboxedEnvironment(undefined=StrictUndefined)
-COLUMNS = ("study", "claim", "section", "words", "measured", "verdict", "conditions", "rule", "source")
+BY_INTERVALS, BY_VALUES = "intervals", "values alone"  # where there was too little data for an interval
+COLUMNS = (
+    "study",
+    "claim",
+    "section",
+    "words",
+    "measured",
+    "verdict",
+    "basis",
+    "conditions",
+    "rule",
+    "source",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +39,7 @@ class Judged:
     words: str
     measured: str
     verdict: str
+    basis: str
     conditions: str
     rule: str
     source: str
@@ -40,6 +53,7 @@ def judge(name: str, study: Study, rows: Sequence[Row]) -> list[Judged]:
 def check_rules(name: str, study: Study) -> None:
     """Whether the rules can be read, and ask for figures that there are. Raises ConfigError."""
     for claim in study.claims:
+        tried = dict.fromkeys(claim.figures, Estimate(0.5, 0.4, 0.6))
         for rule in filter(None, (claim.holds, claim.partly)):
             where = f"study {name}: claims.{claim.claim}: {rule}"
             try:
@@ -49,6 +63,7 @@ def check_rules(name: str, study: Study) -> None:
             unknown = meta.find_undeclared_variables(RULES.parse("{{" + rule + "}}")) - claim.figures.keys()
             if unknown:
                 raise ConfigError(f"{where}: no figure {min(unknown)}; there are {', '.join(claim.figures)}")
+            _asked(name, claim, rule, tried)
         for key, figure in claim.figures.items():
             if figure.weigh and figure.of not in RIGHT:
                 raise ConfigError(
@@ -63,16 +78,20 @@ def _judge(name: str, claim: Claim, rows: Sequence[Row]) -> Judged:
         of = [row.keys.get(claim.by) for row in rows if fits(row, wanted, claim.by)]
         asked = claim.among or dict.fromkeys(of)
         groups = [one for one in asked if one is not None and one != ALL]
-    measured, verdicts = [], {}
+    measured, verdicts, sure = [], {}, True
     for group in groups:
         where = claim.where if group is None else claim.where | {claim.by: group}
         try:
-            found = {key: evaluated(figure, where, rows) for key, figure in claim.figures.items()}
-        except NoRowError:
+            found = {
+                key: _evaluated(figure, where, rows, f"study {name}: claims.{claim.claim}.{key}")
+                for key, figure in claim.figures.items()
+            }
+            verdicts[group] = _verdict(name, claim, found)
+            text = ", ".join(f"{key} {shown(one)}" for key, one in found.items())
+            sure &= all(one.value is None or one.low is not None for one in asked_by(claim, found))
+        except NoRowError as error:
             verdicts[group] = NOT_MEASURED
-            continue
-        verdicts[group] = _verdict(name, claim, found)
-        text = ", ".join(f"{key} {shown(one)}" for key, one in found.items())
+            text = str(error)
         measured.append(text if group is None else f"{claim.by} {written(group)}: {text}")
     verdict = overall(list(verdicts.values()))
     conditions = ""
@@ -91,10 +110,24 @@ def _judge(name: str, claim: Claim, rows: Sequence[Row]) -> Judged:
         claim.words,
         "; ".join(measured),
         verdict,
+        "" if verdict == NOT_MEASURED else BY_INTERVALS if sure else BY_VALUES,
         "; ".join(filter(None, (fixed, conditions))),
         rule,
         f"{name}.csv: " + "; ".join(f"{key}: {_source(one)}" for key, one in claim.figures.items()),
     )
+
+
+def asked_by(claim: Claim, found: Mapping[str, Estimate]) -> list[Estimate]:
+    """The figures of whose interval a rule asks an end."""
+    rules = claim.holds + " " + claim.partly
+    return [one for key, one in found.items() if f"{key}.low" in rules or f"{key}.high" in rules]
+
+
+def _evaluated(figure: Figure, where: Where, rows: Sequence[Row], what: str) -> Estimate:
+    try:
+        return evaluated(figure, where, rows)
+    except ConfigError as error:
+        raise ConfigError(f"{what}: {error}") from error
 
 
 def overall(verdicts: Sequence[str]) -> str:
@@ -123,10 +156,14 @@ def _asked(name: str, claim: Claim, rule: str, found: Mapping[str, Estimate]) ->
         }
         for key, one in found.items()
     }
+    where = f"study {name}: claims.{claim.claim}: {rule}"
     try:
-        return bool(RULES.compile_expression(rule, undefined_to_none=False)(**figures))
+        answer = RULES.compile_expression(rule, undefined_to_none=False)(**figures)
     except Exception as error:  # the rule is the user's
-        raise ConfigError(f"study {name}: claims.{claim.claim}: {rule}: {error}") from error
+        raise ConfigError(f"{where}: {error}; a figure has value, low and high") from error
+    if not isinstance(answer, bool):
+        raise ConfigError(f"{where}: is {answer!r}, neither true nor false; compare it with something")
+    return answer
 
 
 def shown(one: Estimate) -> str:

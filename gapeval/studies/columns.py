@@ -26,23 +26,29 @@ def named_by(curve: Curve) -> tuple[str, ...]:
 
 def check_columns(name: str, study: Study) -> None:
     """Whether curves and claims ask for columns that there can be. Raises ConfigError."""
-    known = (*key_columns(study), *FIGURES, "logs", *COUNTS)
-    for where, column in _asked(study):
-        if column not in known:
+    figures = (*FIGURES, "logs", *COUNTS)
+    keys = key_columns(study)
+    for where, column, is_figure in _asked(study):
+        known = figures if is_figure else (*keys, *figures)
+        if column and column not in known:
             close = difflib.get_close_matches(column, known, n=1, cutoff=0.6)
             hint = f"; did you mean {close[0]}?" if close else f"; there are {', '.join(known)}"
-            raise ConfigError(f"study {name}: {where}: no column {column}{hint}")
+            raise ConfigError(
+                f"study {name}: {where}: no {'figure' if is_figure else 'column'} {column}{hint}"
+            )
 
 
-def _asked(study: Study) -> Iterator[tuple[str, str]]:
-    """Each column that is named, and where."""
+def _asked(study: Study) -> Iterator[tuple[str, str, bool]]:
+    """Where which column is named, and whether it must be a figure; empty where none is."""
     for place, curve in enumerate(study.curves, 1):
         for column in named_by(curve):
-            yield f"curves, number {place}", column
+            yield f"curves, number {place}", column, column in curve.y
     for claim in study.claims:
-        of_claim = f"claims.{claim.claim}"
-        yield from ((of_claim, column) for column in (*claim.where, *filter(None, (claim.by,))))
+        here = f"claims.{claim.claim}"
+        yield from ((here, column, False) for column in (*claim.where, claim.by))
         for key, figure in claim.figures.items():
-            columns = (*figure.where, *figure.minus, *figure.over, *filter(None, (figure.of, figure.best)))
-            yield from ((f"{of_claim}.{key}", column) for column in columns)
-            yield from ((f"{of_claim}.{key}", column) for column in (figure.fit, figure.weigh) if column)
+            yield f"{here}.{key}", figure.of, True
+            for column in (*figure.where, *figure.minus, *figure.over):
+                yield f"{here}.{key}", column, False
+            for column in (figure.best, figure.fit, figure.weigh):
+                yield f"{here}.{key}", column, False

@@ -92,7 +92,7 @@ class Figure(Section):
     outside every label (`of: over_area`).
     """
 
-    of: str = ""
+    of: str
     where: Where = {}
     minus: Where = {}
     over: Where = {}
@@ -134,7 +134,7 @@ class Study(Section):
     says: str
     config: dict[str, Any] = {}
     grid: dict[str, list[Any]] = {}
-    runs: tuple[Run, ...]
+    runs: Annotated[tuple[Run, ...], Field(min_length=1)]
     labels_by: tuple[By, ...] = ()
     curves: tuple[Curve, ...] = ()
     claims: tuple[Claim, ...] = ()
@@ -165,6 +165,10 @@ def _check(study: Study, path: Path) -> None:
     """Names that must be known before anything is run. Raises ConfigError."""
     known = {*OF_SCENES, *OF_POSES, *OF_NOISE}
     names = [run.name for run in study.runs]
+    claims = [claim.claim for claim in study.claims]
+    for claim in claims:
+        if claims.count(claim) > 1:
+            raise ConfigError(f"{path}: claims.{claim}: there is more than one claim of this name")
     for run in study.runs:
         where = f"{path}: runs.{run.name}"
         if names.count(run.name) > 1:
@@ -177,6 +181,14 @@ def _check(study: Study, path: Path) -> None:
             for one in chosen:
                 if one not in there:
                     raise ConfigError(f"{where}: {one}: no such {what}; there are {', '.join(sorted(there))}")
+        for varied in (run.vary, run.quick.vary):
+            for condition, values in varied.items():
+                if not values:
+                    raise ConfigError(f"{where}: vary.{condition}: no values; give at least one")
+                for value in values:
+                    if isinstance(value, str) or isinstance(value, bool) != (condition == "obstacles"):
+                        kind = "true or false" if condition == "obstacles" else "a number"
+                        raise ConfigError(f"{where}: vary.{condition}: {value!r}: must be {kind}")
 
 
 def quickly(run: Run) -> Run:

@@ -105,7 +105,7 @@ def weighed(rows: Sequence[Row], column: str, of: str) -> Estimate:
 def _one(rows: Sequence[Row], where: Where) -> Row:
     found = [row for row in rows if fits(row, where)]
     if not found:
-        raise NoRowError(str(where))
+        raise NoRowError(f"no row with {described(where)}")
     if len(found) > 1:
         raise ConfigError(f"{len(found)} rows with {described(where)}; a figure needs one")
     return found[0]
@@ -115,7 +115,7 @@ def _top(rows: Sequence[Row], where: Where, of: str) -> Row:
     """The row with the best figure; of equal ones, the first."""
     found = [row for row in rows if fits(row, where) and row.figures.get(of, NOTHING).value is not None]
     if not found:
-        raise NoRowError(str(where))
+        raise NoRowError(f"no row with {described(where)}")
     sign = -1.0 if of in LOWER else 1.0
     return max(found, key=lambda row: sign * (row.figures[of].value or 0.0))
 
@@ -124,7 +124,7 @@ def _several(rows: Sequence[Row], where: Where, column: str) -> list[Row]:
     """The rows that differ in a column alone."""
     found = [row for row in rows if fits(row, where, column) and row.keys.get(column) is not None]
     if not found:
-        raise NoRowError(str(where))
+        raise NoRowError(f"no row with {described(where)}")
     values = [row.keys[column] for row in found]
     if len(set(values)) < len(values):
         raise ConfigError(

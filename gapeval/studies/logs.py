@@ -1,7 +1,7 @@
 """The simulated logs of studies: made once, in several processes, and found again."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from gapeval.files import make_folder, write_whole
@@ -9,6 +9,7 @@ from gapeval.logs.write import log_path
 from gapeval.simulate.simulation import LABELS, write_simulation
 from gapeval.studies.cases import Case, Given, Recipe
 from gapeval.sweep.provenance import simulator
+from gapeval.sweep.units import StoppedError
 
 LOGS, MADE_BY = "logs", "made_by.json"
 CONTAINER = "mcap"
@@ -28,13 +29,18 @@ def missing(cases: Iterable[Case], folder: Path) -> list[Recipe]:
     return [recipe for recipe in recipes if not _is_there(recipe, folder)]
 
 
-def make(recipe: Recipe, folder: Path) -> None:
-    """Simulate a log; it counts as there only when it is whole."""
+def make(recipe: Recipe, folder: Path, stopped: Callable[[], bool]) -> None:
+    """Simulate a log; it counts as there only when it is whole. Raises StoppedError between two clouds."""
+
+    def advance() -> None:
+        if stopped():
+            raise StoppedError
+
     home = folder / LOGS / recipe.name
     make_folder(home)
     for path in (home / MADE_BY, home / LABELS, log_path(home, recipe.scene, CONTAINER)):
         path.unlink(missing_ok=True)
-    write_simulation(recipe.simulation(), home, CONTAINER, lambda: None)
+    write_simulation(recipe.simulation(), home, CONTAINER, advance)
     write_whole(home / MADE_BY, _made_by().encode())
 
 
