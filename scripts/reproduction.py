@@ -15,18 +15,19 @@ PAGE = DOCS / "reproduction.md"
 PICTURES = DOCS / "reproduction"
 
 Row = dict[str, str]
+Where = dict[str, str | tuple[str, ...]]
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of a study's CSV. where: columns that must be equal; keys: columns as they are; figures: columns
-    with their intervals."""
+    """Rows of a study's CSV. where: columns that must be equal, or one of several; keys: columns as they are;
+    figures: columns with their intervals."""
 
     study: str
     name: str
     keys: tuple[str, ...]
     figures: tuple[str, ...]
-    where: dict[str, str] = field(default_factory=dict)
+    where: Where = field(default_factory=dict)
 
 
 FOUND = ("hit_rate", "fp_per_frame", "coverage", "f1", "pq")
@@ -35,6 +36,27 @@ TABLES = (
     Table("delta_r", "delta_r", ("delta_r", "best"), FOUND, ALL),
     Table("delta_r", "bins", ("delta_r",), ("bin_ratio", "bin_filled"), {"by": "bins"}),
     Table("resolution", "resolution", ("k", "best"), (*FOUND, "near_edge_error"), ALL),
+    Table(
+        "resolution",
+        "resolution_scenes",
+        ("scene", "k"),
+        ("hit_rate", "fp_per_frame", "f1"),
+        {"scene": ("tunnel", "barrel", "street", "approach"), "k": ("6", "7", "8")},
+    ),
+    Table(
+        "values",
+        "missing_less",
+        ("k", "n_o", "delta_r", "pl_th"),
+        ("hit_rate", "fp_per_frame", "f1"),
+        {**ALL, "radius": "3.0", "k": "7", "n_o": "2", "delta_r": "1.05"},
+    ),
+    Table(
+        "radius",
+        "bearing",
+        ("group",),
+        ("hit_rate",),
+        {"scene": "all", "by": "bearing", "domain": "3.0", "r_max": "3.0"},
+    ),
     Table(
         "morphology",
         "morphology",
@@ -149,8 +171,10 @@ def rows(path: Path) -> list[Row]:
         return list(csv.DictReader(file))
 
 
-def fits(row: Row, where: dict[str, str]) -> bool:
-    return all(row.get(key, "") == value for key, value in where.items())
+def fits(row: Row, where: Where) -> bool:
+    return all(
+        row.get(key, "") in (value if isinstance(value, tuple) else (value,)) for key, value in where.items()
+    )
 
 
 def figure(row: Row, name: str) -> str:
@@ -190,6 +214,15 @@ def claims(folder: Path) -> str:
         for row in rows(folder / "claims.csv")
     ]
     return table(["the paper says (section)", "verdict", "under which conditions", "study: claim"], body)
+
+
+def weighing(folder: Path) -> str:
+    (measured,) = (
+        row["measured"]
+        for row in rows(folder / "claims.csv")
+        if row["claim"] == "weighing_by_confidence_helps"
+    )
+    return f"claims.csv, weighing_by_confidence_helps: {measured}"
 
 
 def values(folder: Path) -> str:
@@ -249,7 +282,12 @@ def main() -> None:
         if len(sys.argv) == 1:
             subprocess.run([*command, "study", "-o", folder], check=True)
         page = PAGE.read_text(encoding="utf-8")
-        parts = {"claims": claims(folder), "values": values(folder), "approaches": approaches(folder)}
+        parts = {
+            "claims": claims(folder),
+            "values": values(folder),
+            "approaches": approaches(folder),
+            "weighing": weighing(folder),
+        }
         for name, text in parts.items():
             page = with_part(page, name, text + "\n", script="reproduce")
         for asked in TABLES:
