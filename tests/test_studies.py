@@ -5,7 +5,6 @@ import json
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 import yaml
@@ -257,13 +256,20 @@ def test_usage() -> None:
     assert all(name in listed.out for name in NAMES)
 
 
-def test_frames_far_apart_have_no_interval_but_many_logs_do(tmp_path) -> None:
-    """Five logs are enough to draw from; the interval holds the figure."""
-    path = tmp_path / "five.yaml"
-    path.write_text(
-        yaml.safe_dump(PLAIN | {"runs": [{"scenes": ["plain"], "seeds": 5, "frames": 1}], "labels_by": []})
-    )
-    assert gapeval("study", path, "-o", tmp_path / "out").status == 0
-    for row in rows(tmp_path / "out" / "five.csv"):
-        assert float(row["fp_per_frame_low"]) <= float(row["fp_per_frame"]) <= float(row["fp_per_frame_high"])
-    assert np.isfinite(float(row["fp_per_frame_high"]))
+@pytest.mark.parametrize(("seeds", "frames", "log"), [(5, 1, "all"), (1, 12, "plain-lms151-seed0-frames12")])
+def test_intervals_are_those_of_the_sweep_itself(tmp_path, seeds, frames, log) -> None:
+    """Of whole logs where there are five, of blocks of time in one."""
+    path = tmp_path / "same.yaml"
+    run = {"scenes": ["plain"], "seeds": seeds, "frames": frames}
+    path.write_text(yaml.safe_dump(PLAIN | {"runs": [run], "labels_by": []}))
+    assert gapeval("study", path, "-o", tmp_path / "out", "--jobs", 1).status == 0
+    ours = {row["configuration"]: row for row in rows(tmp_path / "out" / "same.csv") if row["scene"] == "all"}
+    summary = rows(tmp_path / "out" / "same" / "runs" / "summary.csv")
+    compared = 0
+    for theirs in summary:
+        if theirs["log"] == log:
+            for name, value in ours[theirs["configuration"]].items():
+                if name.endswith(("_low", "_high")):
+                    assert value == theirs[name], name
+                    compared += value != ""
+    assert compared >= 8
