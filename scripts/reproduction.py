@@ -150,7 +150,7 @@ TABLES = (
         "sensors",
         "sensor_bins",
         ("sensor", "delta_r"),
-        ("bin_ratio", "bin_filled", "ring_growth"),
+        ("bin_ratio", "bin_filled", "ring_growth", "box_seen"),
         {"by": "bins"},
     ),
     Table(

@@ -4,16 +4,18 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from gapeval.config import Config, Configuration
+from gapeval.config import Configuration
+from gapeval.detection import pole
 from gapeval.detection.spacing import bin_match
-from gapeval.frame import FloatArray, Frame
+from gapeval.frame import FloatArray, Frame, robot_plane
 from gapeval.logs.read import Recording, read_frames
 from gapeval.simulate.rings import ring_growth
 from gapeval.simulate.sensors import SENSORS
-from gapeval.studies.cases import Planned
+from gapeval.studies.cases import Given, Planned
 from gapeval.studies.estimates import Estimate, of_logs
 from gapeval.studies.rows import Row, about_configuration, conditions_of
 from gapeval.sweep.grid import configurations
+from gapeval.visibility import domain, lowest_ray
 
 BINS = "bins"  # what these rows are told by
 
@@ -22,20 +24,22 @@ def bin_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[i
     """For all scenes together, under each combination of conditions: a row for each configuration.
 
     bin_ratio: a row's width to the distance of echoes there; bin_mismatch: |log2| of it; bin_filled: share of
-    the cells that hold an echo; ring_growth: of the distances between the sensor's rings, where it has rings.
+    the cells that hold an echo; ring_growth: of the distances between the sensor's rings, where it has rings;
+    box_seen: share of the box's ground that a single scan can see, were nothing in the way.
     """
     found = configurations(planned.config)
-    rings = Estimate(_ring_growth(planned.run.sensor, planned.config))
+    rings = Estimate(_ring_growth(planned))
     rows = []
     for keys, cases in conditions_of(planned, by_scene=False):
         measured = np.array([_measured(opened[case], found, advance) for case in cases.tolist()])
         for index, configuration in enumerate(found):
-            filled, ratio = measured[:, index].T
+            filled, ratio, seen = measured[:, index].T
             figures = {
                 "bin_ratio": of_logs(ratio, np.mean),
                 "bin_mismatch": of_logs(np.log2(ratio), lambda logs, **axis: np.abs(np.mean(logs, **axis))),
                 "bin_filled": of_logs(filled, np.mean),
                 "ring_growth": rings,
+                "box_seen": of_logs(seen, np.mean),
             }
             about = {**keys, "by": BINS, **about_configuration(configuration)}
             rows.append(Row(about, figures, {"logs": len(cases)}))
@@ -45,15 +49,30 @@ def bin_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[i
 def _measured(
     recording: Recording, found: Sequence[Configuration], advance: Callable[[int], object]
 ) -> FloatArray:
-    """Share of cells filled and ratio of bins, means over the frames of a log, (C, 2)."""
+    """Share of cells filled, ratio of bins, share of the box seen: means over the frames of a log, (C, 3)."""
     each = []
     for frame in read_frames(recording, 0, len(recording.scans)):
         if isinstance(frame, Frame):
             matches = [bin_match(frame, configuration) for configuration in found]
-            each.append([(match.filled, match.ratio) for match in matches])
+            seen = [box_seen(frame, configuration) for configuration in found]
+            each.append(
+                [(match.filled, match.ratio, share) for match, share in zip(matches, seen, strict=True)]
+            )
         advance(1)
-    return np.asarray(np.mean(np.array(each).reshape(-1, len(found), 2), axis=0))
+    return np.asarray(np.mean(np.array(each).reshape(-1, len(found), 3), axis=0))
 
 
-def _ring_growth(sensor: str, config: Config) -> float | None:
-    return ring_growth(SENSORS[sensor], config.detector.x_min, config.detector.r_max)
+def box_seen(frame: Frame, configuration: Configuration) -> float:
+    """Share of the sensory box's ground that is neither below the lowest ray nor out of the field of view."""
+    params, sensor = configuration.detector, configuration.sensor
+    box = params.x_min, params.r_max, pole(frame, params.origin), robot_plane(configuration.robot.ground_z)
+    seen = domain(*box, frame.sensor, lowest_ray(sensor, frame), sensor.fov)
+    return float(seen.area / domain(*box, frame.sensor, -np.pi / 2, None).area)
+
+
+def _ring_growth(planned: Planned) -> float | None:
+    """Of the simulated sensor; that of a log's own is not known."""
+    if any(isinstance(case.source, Given) for case in planned.cases):
+        return None
+    detector = planned.config.detector
+    return ring_growth(SENSORS[planned.run.sensor], detector.x_min, detector.r_max)

@@ -9,7 +9,7 @@ from gapeval.scoring.metrics import COUNTS, METRICS
 from gapeval.studies.cases import columns_of
 from gapeval.studies.definition import Curve, Study
 
-OF_BINS = ("bin_ratio", "bin_mismatch", "bin_filled", "ring_growth")
+OF_BINS = ("bin_ratio", "bin_mismatch", "bin_filled", "ring_growth", "box_seen")
 OF_TIMES = ("points", "median", "p95", "mean", "least", "most")
 FIGURES = (*(metric.name for metric in METRICS), *OF_BINS, *OF_TIMES)
 

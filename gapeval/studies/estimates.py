@@ -96,7 +96,7 @@ def drawn(tally: Tally, block: float) -> Draws:
 def of_logs(values: FloatArray, statistic: Callable[..., Any]) -> Estimate:
     """A figure of values (L,), one for each log, drawn anew by logs where there are enough of them."""
     if len(values) < LEAST_LOGS:
-        return Estimate(float(statistic(values)))
+        return Estimate(_known(float(statistic(values))))
     return of_frames(values, statistic)
 
 
