@@ -86,34 +86,43 @@ def run_studies(
         raise ConfigError("a study is named twice; name each once")
     if given is not None:
         open_logs([given.log], ready[0].runs[0].config.log)  # says what was picked, and what is refused
-    told = Told(set())
     make_folder(output)
-    jobs = jobs or os.cpu_count() or 1
-    judged: list[Judged] = []
-    failed: list[str] = []
-    recordings = Recordings(output, {})
-    with locked(output / LOGS), progress_bar("studies", 0, "clouds") as bar:
-        lacking = missing([case for one in ready for run in one.runs for case in run.cases], output)
-        bar.total = _clouds(ready, lacking, recordings)
-        _simulate(lacking, output, jobs, bar)
-        for one in ready:
-            bar.set_description(f"study {one.name}")
-            try:
-                rows = _rows(one, recordings, output, jobs, bar.update, told.of)
-            except GapevalError as error:
-                failed.append(f"study {one.name}: {error}")
-                say(failed[-1])
-                continue
-            judged += judge(one.name, one.study, rows)
-            path = write_study(output, one.name, one.study, rows)
-            with bar.external_write_mode():
-                say(f"{path}: {counted(len(rows), 'row')}")
-    done = [one.name for one in ready if not any(line.startswith(f"study {one.name}:") for line in failed)]
-    write_claims(output, about(said, given, quick), done, judged)
-    click.echo(columns(("study", "claim", "verdict", "measured"), [_line(one) for one in judged]))
-    click.echo(f"\nfiles      in {output}: claims.csv, {', '.join(f'{name}.csv' for name in done)}")
+    try:
+        with locked(output / LOGS), progress_bar("studies", 0, "clouds") as bar:
+            judged, failed = _run(ready, output, jobs or os.cpu_count() or 1, about(said, given, quick), bar)
+    except KeyboardInterrupt as interrupt:
+        raise KeyboardInterrupt("go on with the same command: what is done stays") from interrupt
+    lines = [_line(one) for of_study in judged.values() for one in of_study]
+    click.echo(columns(("study", "claim", "verdict", "measured"), lines))
+    click.echo(f"\nfiles      in {output}: claims.csv, {', '.join(f'{name}.csv' for name in judged)}")
     if failed:
         raise GapevalError(f"{len(failed)} of {len(ready)} studies failed; the first: {failed[0]}")
+
+
+def _run(
+    ready: Sequence[Ready], output: Path, jobs: int, made_from: Mapping[str, Any], bar: "tqdm[Any]"
+) -> tuple[dict[str, list[Judged]], list[str]]:
+    """The claims of each study that was done, and why others were not. What is done is written at once."""
+    recordings, told = Recordings(output, {}), Told(set())
+    lacking = missing([case for one in ready for run in one.runs for case in run.cases], output)
+    bar.total = _clouds(ready, lacking, recordings)
+    _simulate(lacking, output, jobs, bar)
+    judged: dict[str, list[Judged]] = {}
+    failed = []
+    for one in ready:
+        bar.set_description(f"study {one.name}")
+        try:
+            rows = _rows(one, recordings, output, jobs, bar.update, told.of)
+            judged[one.name] = judge(one.name, one.study, rows)
+            path = write_study(output, one.name, one.study, rows)
+            write_claims(output, made_from, one.name, judged[one.name])
+            line = f"{path}: {counted(len(rows), 'row')}"
+        except GapevalError as error:
+            failed.append(f"study {one.name}: {error}")
+            line = failed[-1]
+        with bar.external_write_mode():
+            say(line)
+    return judged, failed
 
 
 def _those_that_can_be(user: dict[str, Any], given: Given | None, quick: bool) -> list[Ready]:

@@ -46,16 +46,11 @@ def write_study(folder: Path, name: str, study: Study, rows: Sequence[Row]) -> P
     return path
 
 
-def write_claims(
-    folder: Path, made_from: Mapping[str, Any], names: Sequence[str], judged: Sequence[Judged]
-) -> list[str]:
-    """claims.csv and manifest.json; claims of studies that were run before, of the same inputs, stay.
-
-    Returns the names of all studies that are there now.
-    """
+def write_claims(folder: Path, made_from: Mapping[str, Any], name: str, judged: Sequence[Judged]) -> None:
+    """claims.csv and manifest.json with a study; others that are there, of the same inputs, stay."""
     there, kept = _before(folder, made_from)
-    rows = {name: [row for row in kept if row["study"] == name] for name in there}
-    rows |= {name: [asdict(one) for one in judged if one.study == name] for name in names}
+    rows = {other: [row for row in kept if row["study"] == other] for other in there}
+    rows[name] = [asdict(one) for one in judged]
     ours = [name for name in NAMES if name in rows]
     rows = {name: rows[name] for name in (*ours, *sorted(rows.keys() - set(NAMES)))}
     text = io.StringIO()
@@ -67,7 +62,6 @@ def write_claims(
         files[CLAIMS].write(text.getvalue())
         json.dump({**made_from, "studies": list(rows)}, files[MANIFEST], indent=2, ensure_ascii=False)
         files[MANIFEST].write("\n")
-    return list(rows)
 
 
 def _before(folder: Path, made_from: Mapping[str, Any]) -> tuple[list[str], list[dict[str, str]]]:
