@@ -86,6 +86,11 @@ def test_categories_get_bars_side_by_side() -> None:
         ((0.001, 0.01, 0.05), True, ["0.001", "0.01", "0.05"]),
         ((1.05, 1.1, 1.2, 2.0), False, ["1.05", "1.2", "2"]),
         ((1.03, 1.05, 1.5, 2.0), True, ["1.03", "1.5", "2"]),
+        (
+            (-0.07, -0.035, -0.0175, 0, 0.0175, 0.035, 0.07),
+            False,
+            ["\N{MINUS SIGN}0.07", "\N{MINUS SIGN}0.035", "0", "0.035", "0.07"],
+        ),
     ],
 )
 def test_few_numbers_are_named_as_they_are(places, log, shown) -> None:
