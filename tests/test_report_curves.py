@@ -143,7 +143,7 @@ def test_a_png_has_a_legend_and_all_panels() -> None:
     assert one != png([PANEL, PANEL], [("a", Look(0))], "$title")
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     st.lists(st.tuples(st.integers(0, 8), st.integers(0, 10)), min_size=1, max_size=16, unique=True),
     st.integers(0, 15),
@@ -156,7 +156,7 @@ def test_numbers_in_a_crowd_lie_in_the_picture_and_over_no_other(
     figure = Figure(figsize=(6.4, 4.4))
     with curve_style():
         draw_scatter(figure.add_subplot(), Scatter("", "x", "y", dots, 1, (), (0, 0), ""))
-        figure.canvas.draw()
+        figure.draw_without_rendering()
     (axes,) = figure.axes
     assert sorted(text.get_text() for text in axes.texts) == sorted(named)
     boxes = [Text.get_window_extent(text) for text in axes.texts]  # of the words, without their line

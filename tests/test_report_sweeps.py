@@ -226,7 +226,12 @@ def test_the_worst_have_most_faults_and_the_best_most_hits() -> None:
         frame(8, 2, 2, 2),
     ]
     chosen = choose(rows)
-    assert [(one.stamp, one.worst) for one in chosen] == [(2, True), (4, True), (8, True), (3, False)]
+    assert [(one.stamp, one.kind) for one in chosen] == [
+        (2, "worst"),
+        (4, "worst"),
+        (8, "worst"),
+        (3, "best"),
+    ]
     assert chosen[0].why == "1 of 2 labels hit, 4 false gaps"
     assert chosen[-1].why == "3 of 3 labels hit, no false gap"
 
@@ -235,16 +240,22 @@ def test_the_worst_have_most_faults_and_the_best_most_hits() -> None:
     ("rows", "expected"),
     [
         ([], []),
-        ([frame(1, 1, 1, 0)], [(1, False)]),
-        ([frame(1, 1, 0, 0)], [(1, True)]),
-        ([frame(1, 1, 0, 0), frame(2, 1, 1, 1)], [(1, True), (2, False)]),
-        ([frame(1, 0, 3, 0, 0), frame(2, 0, 5, 0, 0)], [(2, None)]),
+        ([frame(1, 1, 1, 0)], [(1, "best")]),
+        ([frame(1, 1, 0, 0)], [(1, "worst")]),
+        ([frame(1, 1, 0, 0), frame(2, 1, 1, 1)], [(1, "worst"), (2, "best")]),
+        ([frame(1, 3, 3, 1), frame(2, 3, 3, 1), frame(3, 0, 0, 0, 0)], [(1, "alike")]),
+        ([frame(1, 3, 3, 0), frame(2, 3, 3, 0)], [(1, "alike")]),
+        (
+            [frame(1, 3, 3, 1), frame(2, 3, 3, 1), frame(3, 2, 2, 1)],
+            [(3, "worst"), (1, "worst"), (2, "best")],
+        ),
+        ([frame(1, 0, 3, 0, 0), frame(2, 0, 5, 0, 0)], [(2, "most")]),
     ],
 )
 def test_every_number_of_frames_has_its_choice(
-    rows: list[dict[str, str]], expected: list[tuple[int, bool | None]]
+    rows: list[dict[str, str]], expected: list[tuple[int, str]]
 ) -> None:
-    assert [(one.stamp, one.worst) for one in choose(rows)] == expected
+    assert [(one.stamp, one.kind) for one in choose(rows)] == expected
 
 
 def test_every_row_of_the_table_has_its_number_at_its_place() -> None:
@@ -313,7 +324,7 @@ def test_the_configuration_of_the_highest_pq_is_held_against_the_recommended_one
     sure = row("sure", pq=0.59, hit_rate=1.0, fp_per_frame=2.625)
     best = row("best", pq=0.6, hit_rate=0.875, fp_per_frame=0.125)
     assert difference(sure, best) == (
-        "The configuration of the highest pq is best: 0.125 false gaps per frame against 2.625 here, and a hit "
-        "rate of 0.875 against 1; take it where a false gap costs more than a missed label."
+        "The configuration of the highest pq is best: 0.125 false gaps per frame against 2.625 here, and a "
+        "hit rate of 0.875 against 1; take it where a false gap costs more than a missed label."
     )
     assert difference(sure, {**best, "fp_per_frame": "3.0"}).endswith("a hit rate of 0.875 against 1.")
