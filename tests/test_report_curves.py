@@ -5,12 +5,15 @@ from itertools import pairwise
 from xml.etree import ElementTree
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from gapeval.report.curves.heat import Heat, draw_heat
 from gapeval.report.curves.panel import Line, Panel, Point, draw_panel
 from gapeval.report.curves.picture import curve_style, png, svg
-from gapeval.report.curves.scatter import Dot, Scatter
+from gapeval.report.curves.scatter import Dot, Scatter, draw_scatter
 from gapeval.report.curves.style import COLOURS, DASHES, MARKERS, VARIABLES, Look
 from gapeval.report.page.swatch import swatch
 
@@ -86,6 +89,11 @@ def test_categories_get_bars_side_by_side() -> None:
         ((0.001, 0.01, 0.05), True, ["0.001", "0.01", "0.05"]),
         ((1.05, 1.1, 1.2, 2.0), False, ["1.05", "1.2", "2"]),
         ((1.03, 1.05, 1.5, 2.0), True, ["1.03", "1.5", "2"]),
+        (
+            (-0.07, -0.035, -0.0175, 0, 0.0175, 0.035, 0.07),
+            False,
+            ["\N{MINUS SIGN}0.07", "\N{MINUS SIGN}0.035", "0", "0.035", "0.07"],
+        ),
     ],
 )
 def test_few_numbers_are_named_as_they_are(places, log, shown) -> None:
@@ -133,3 +141,26 @@ def test_a_png_has_a_legend_and_all_panels() -> None:
     assert one.startswith(b"\x89PNG")
     assert one == png([PANEL], [("a", Look(0))], "$title")
     assert one != png([PANEL, PANEL], [("a", Look(0))], "$title")
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 8), st.integers(0, 10)), min_size=1, max_size=16, unique=True),
+    st.integers(0, 15),
+)
+def test_numbers_in_a_crowd_lie_in_the_picture_and_over_no_other(
+    places: list[tuple[int, int]], longest: int
+) -> None:
+    named = [f"{i} recommended" if i == longest else str(i) for i in range(len(places))]
+    dots = tuple(Dot(x / 2, y / 10, 0, name) for (x, y), name in zip(places, named, strict=True))
+    figure = Figure(figsize=(6.4, 4.4))
+    with curve_style():
+        draw_scatter(figure.add_subplot(), Scatter("", "x", "y", dots, 1, (), (0, 0), ""))
+        figure.draw_without_rendering()
+    (axes,) = figure.axes
+    assert sorted(text.get_text() for text in axes.texts) == sorted(named)
+    boxes = [Text.get_window_extent(text) for text in axes.texts]  # of the words, without their line
+    assert all(axes.bbox.padded(1).contains(*corner) for box in boxes for corner in box.corners())
+    assert not any(one.padded(-1).overlaps(two) for i, one in enumerate(boxes) for two in boxes[:i])
+    of = dict(zip(named, dots, strict=True))
+    assert all(text.xy == (of[text.get_text()].x, of[text.get_text()].y) for text in axes.texts)

@@ -50,8 +50,7 @@ def test_everything_is_on_the_page(page: str, results: Path) -> None:
         "Against n_o",
         "f1 over pairs of parameters",
         "Hit rate against false gaps against time",
-        *(title for title in found.texts("h4") if title.startswith("Worst frame")),
-        "Best frame",
+        "One frame of all, which are alike",
         "Step by step",
     ]
     assert len(found.all("svg", class_="panel")) == 3 * 4
@@ -65,6 +64,7 @@ def test_everything_is_on_the_page(page: str, results: Path) -> None:
         kind, _, content = image.attributes["src"].partition(",")
         assert kind == "data:image/png;base64"
         assert base64.b64decode(content).startswith(PNG)
+    assert "All frames score alike, so that none is worst or best: the first is shown." in page
     assert "Nothing was refused, and nothing failed." in page
 
 
@@ -260,6 +260,21 @@ def test_a_folder_without_results_is_an_error(tmp_path: Path) -> None:
     assert done.status == 1
     assert done.last_line.startswith(f"gapeval: {tmp_path}: neither summary.csv of a sweep nor claims.csv")
     assert not (tmp_path / "report.html").exists()
+
+
+def test_what_is_no_folder_of_results_is_told_by_what_it_is(results: Path, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    file = tmp_path / "README.md"
+    file.write_text("# Read me")
+    for path, complaint in {
+        tmp_path / "nothere": "does not exist; name a folder of results",
+        file: "is a file; name a folder of results, which has summary.csv or claims.csv in it",
+        results.parent: "neither summary.csv of a sweep nor claims.csv of studies is here; "
+        f"is {results} meant?",
+    }.items():
+        done = gapeval("report", path, "-o", page)
+        assert (done.status, done.last_line) == (1, f"gapeval: {path}: {complaint}")
+        assert not page.exists()
 
 
 def test_nothing_but_a_page_is_replaced(results: Path, tmp_path: Path) -> None:

@@ -310,6 +310,54 @@ def test_no_word_lies_over_another_in_a_crowd(tmp_path: Path) -> None:
     assert len(arrows) == len(found.detection.gaps)
 
 
+FEW = {"detector": {"delta_r": 1.05, "r_max": 4.0, "k": 6, "n_o": 0}, "crossing": {"standoff": 0.8}}
+
+
+@pytest.mark.parametrize("delta_r", [1.03, 1.05])
+def test_each_of_a_few_gaps_has_its_number_in_both_pictures(tmp_path: Path, delta_r: float) -> None:
+    values = FEW | {"detector": FEW["detector"] | {"delta_r": delta_r}}
+    found = found_in(walled(tmp_path / "drive.mcap"), values)
+    expected = {str(gap.index) for gap in found.detection.gaps}
+    assert 10 < len(expected) <= CROWD
+    above, stages = draw_frame(found), draw_stages(found)
+    numbers = [text for text in words(above) if text.get_text()[0].isdigit()]
+    assert sorted(text.get_text().split()[0] for text in numbers) == sorted(expected)
+    contours = stages.axes[2]
+    assert sorted(text.get_text() for text in contours.texts) == sorted(expected)
+    for axes, texts in ((ground(above), numbers), (contours, contours.texts)):
+        view = axes.bbox.padded(0.5)
+        assert all(view.contains(*corner) for one in texts for corner in one.get_window_extent().corners())
+
+
+def test_an_arrow_that_leaves_the_picture_is_dashed_to_its_border(tmp_path: Path) -> None:
+    found = found_in(walled(tmp_path / "drive.mcap"), FEW)
+    figure = draw_frame(found)
+    axes = ground(figure)
+    view = shapely.box(*axes.viewLim.extents)
+    seen = set()
+    for crossing in found.crossings:
+        arrow = artist(figure, f"crossing {crossing.gap}")
+        ends = [crossing.start[1::-1], crossing.end[1::-1]]
+        leaves = not all(view.contains(shapely.Point(end)) for end in ends)
+        line = shapely.LineString(ends)
+        if not view.intersects(line):
+            continue
+        seen.add(leaves)
+        assert (arrow.get_linestyle() != "-") == leaves
+        path = arrow.get_path()
+        drawn = path.vertices[path.codes != path.CLOSEPOLY]
+        assert view.buffer(0.05).contains(shapely.MultiPoint(drawn))
+        if leaves:
+            for end in ends:
+                if not view.contains(shapely.Point(end)):
+                    cut = line.intersection(view.exterior)
+                    assert shapely.MultiPoint(drawn).distance(cut) < 1e-6
+    assert seen == {True, False}
+    (legend,) = figure.legends
+    named = [text.get_text() for text in legend.get_texts()]
+    assert named.count("crossing goes on behind the border") == 1
+
+
 def test_the_picture_is_the_box_in_equal_metres_with_the_robot_in_it(tmp_path: Path) -> None:
     found = found_in(drive(tmp_path / "drive.mcap", 1))
     figure = draw_frame(found)

@@ -1,5 +1,6 @@
 """Studies in a report: their claims, and curves that are of the rows that they name."""
 
+import csv
 from pathlib import Path
 
 import pytest
@@ -75,17 +76,124 @@ def test_a_quick_run_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "complaint"),
+    ("curve", "complaint"),
     [
-        ({"curves": [{"x": "no", "y": ["f1"]}]}, "names no, which is no column"),
-        ({"curves": [{"y": ["f1"]}]}, "needs x and y"),
-        ({"curves": [{"x": "k", "y": "f1", "where": {"nowhere": 1}}]}, "names nowhere"),
+        ({"x": "no", "y": ["f1"]}, "curve 2 (f1 against no) is left out: there is no column no"),
+        ({"y": ["f1"]}, "curve 2 is left out: it needs x and y, columns of resolution.csv"),
+        ("f1", "curve 2 is left out: it needs x and y, columns of resolution.csv"),
+        (
+            {"x": "k", "y": "f1", "where": {"nowhere": 1}},
+            "curve 2 (f1 against k) is left out: there is no column nowhere",
+        ),
+        ({"x": ["k"], "y": "f1"}, "curve 2 (f1 against ['k']) is left out: there is no column ['k']"),
+        (
+            {"title": "Scenes", "x": "k", "y": ["scene"]},
+            "curve 2 (Scenes) is left out: scene is 'tunnel' in a row, which is no number",
+        ),
+        (
+            {"x": "scene", "y": "f1", "log_x": True},
+            "curve 2 (f1 against scene) is left out: scene is 'tunnel' in a row, "
+            "which is no number, as log_x needs",
+        ),
     ],
 )
-def test_a_study_that_cannot_be_drawn_is_told(
-    studies: Path, tmp_path: Path, change: dict[str, object], complaint: str
+def test_a_curve_that_cannot_be_drawn_is_left_out_and_told(
+    studies: Path, tmp_path: Path, curve: object, complaint: str
 ) -> None:
-    (studies / "resolution" / "study.yaml").write_text(yaml.safe_dump(RESOLUTION | change))
+    """All other curves are drawn as if it were not there."""
+    whole = [exhibit.name for exhibit in study_section(read_studies(studies), "studies").exhibits]
+    first, _, *others = RESOLUTION["curves"]
+    (studies / "resolution" / "study.yaml").write_text(
+        yaml.safe_dump(RESOLUTION | {"curves": [first, curve, *others]})
+    )
     done = gapeval("report", studies, "-o", tmp_path / "report.html")
-    assert done.status == 1
-    assert complaint in done.last_line
+    assert done.status == 0, done.err
+    told = f"study resolution, {complaint}"
+    assert told in done.err
+    found = check_sound((tmp_path / "report.html").read_text())
+    (loud,) = found.all("div", class_="warning")
+    assert "Mind this first" in loud.text
+    assert " ".join(loud.text.split()).endswith(told)
+    section = study_section(read_studies(studies), "studies")
+    assert [exhibit.name for exhibit in section.exhibits] == [n for n in whole if n != "resolution-2"]
+
+
+def test_a_column_that_is_missing_is_empty(studies: Path) -> None:
+    """`by` and `group` are in a CSV file only where a study has groups of labels."""
+    curve = {"x": "k", "y": "f1", "where": {"by": "all", "nowhere": "", "nor_here": ["", 3]}}
+    (studies / "resolution" / "study.yaml").write_text(yaml.safe_dump(RESOLUTION | {"curves": [curve]}))
+    section = study_section(read_studies(studies), "studies")
+    assert section.warnings == ()
+    (exhibit,) = section.exhibits
+    assert len(exhibit.table.rows) == 16
+
+
+def test_a_figure_that_is_no_number_is_told(studies: Path) -> None:
+    path = studies / "resolution.csv"
+    path.write_text(path.read_text().replace(",0.2,0.5,24", ",0.2,nan,24"))
+    curves = [{"x": "k", "y": ["f1"]}, {"x": "k", "y": ["hit_rate"]}]
+    (studies / "resolution" / "study.yaml").write_text(yaml.safe_dump(RESOLUTION | {"curves": curves}))
+    section = study_section(read_studies(studies), "studies")
+    (told,) = section.warnings
+    assert told.endswith("curve 1 (f1 against k) is left out: f1 is 'nan' in a row, which is no number")
+    assert [exhibit.name for exhibit in section.exhibits] == ["resolution-2"]
+
+
+def test_groups_are_called_by_what_they_are_of(studies: Path) -> None:
+    curves = [
+        {"x": "group", "y": ["hit_rate"], "where": {"by": by}} for by in ("scene", ["scene", "all"], "range")
+    ]
+    path = studies / "resolution.csv"
+    path.write_text(path.read_text() + "tunnel,lms151,0.01,range,1.5,6,0.5,,,1,0.5,24\n")
+    (studies / "resolution" / "study.yaml").write_text(yaml.safe_dump(RESOLUTION | {"curves": curves}))
+    exhibits = study_section(read_studies(studies), "studies").exhibits
+    assert [one.drawings[0].x_label for one in exhibits] == ["scene", "group", "range [m]"]
+    assert [one.table.head[0] for one in exhibits] == ["scene", "group", "range [m]"]
+    assert exhibits[2].title == "hit_rate against range [m]"
+
+
+def test_of_one_log_there_is_one_line(studies: Path) -> None:
+    """Rows of `all` that are those of the only log."""
+    path = studies / "resolution.csv"
+    head = path.read_text().splitlines()[0]
+    lines = [
+        f"{scene},lms151,0.01,all,,{k},0.{k},,,1,{f1},24"
+        for scene in ("all", "a.mcap")
+        for k, f1 in ((5, 0.5), (6, 0.7))
+    ]
+    path.write_text("\n".join([head, *lines]) + "\n")
+    curve = {"x": "k", "y": ["hit_rate", "f1"], "lines": "scene", "where": {"by": "all"}}
+    (studies / "resolution" / "study.yaml").write_text(yaml.safe_dump(RESOLUTION | {"curves": [curve]}))
+    (exhibit,) = study_section(read_studies(studies), "studies").exhibits
+    assert [name for name, _ in exhibit.legend] == ["scene a.mcap"]
+    assert exhibit.source.endswith("rows with by = all, scene = a.mcap, by k and scene")
+    assert len(exhibit.table.rows) == 2
+    path.write_text("\n".join([head, *lines]).replace("0.7,24", "0.8,24", 1) + "\n")  # they differ
+    (exhibit,) = study_section(read_studies(studies), "studies").exhibits
+    assert [name for name, _ in exhibit.legend] == ["scene all", "scene a.mcap"]
+
+
+def test_an_interval_at_the_end_is_explained_where_there_is_one(studies: Path) -> None:
+    (studies / "resolution" / "study.yaml").write_text(
+        yaml.safe_dump(RESOLUTION | {"curves": [{"x": "k", "y": ["hit_rate"], "where": {"by": "scene"}}]})
+    )
+    (exhibit,) = study_section(read_studies(studies), "studies").exhibits
+    assert "exactly 0 or 1" not in exhibit.caption
+    path = studies / "resolution.csv"
+    path.write_text(path.read_text().replace("street,6,0.9,", "street,6,1.0,"))
+    (exhibit,) = study_section(read_studies(studies), "studies").exhibits
+    assert exhibit.caption.count("exactly 0 or 1") == 1
+
+
+def test_a_verdict_on_values_alone_says_so(studies: Path, tmp_path: Path) -> None:
+    words = "on values alone: too little data for intervals"
+    assert words not in reported(studies, output=tmp_path / "report.html")  # an older folder
+    claims = rows_of(studies / "claims.csv")
+    bases = ["intervals", "values alone", "intervals", ""]
+    with (studies / "claims.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, [*claims[0], "basis"])
+        table.writeheader()
+        table.writerows({**row, "basis": basis} for row, basis in zip(claims, bases, strict=True))
+    found = check_sound(reported(studies, output=tmp_path / "report.html"))
+    cells = [text for text in found.texts("td") if words in text]
+    assert cells == [f"holds partly {words}"] * 2

@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 
 from gapeval.report.curves.heat import Heat
 from gapeval.report.curves.panel import Panel
+from gapeval.report.curves.scatter import Scatter
 from gapeval.report.sweeps.frames import choose
 from gapeval.report.sweeps.front import candidates, dominated, front, front_exhibit
 from gapeval.report.sweeps.parameters import curves, heat_maps, label
-from gapeval.report.sweeps.recommendation import reason, recommend
+from gapeval.report.sweeps.recommendation import difference, reason, recommend
 from gapeval.report.sweeps.results import Results, Row, values_of
 from gapeval.report.sweeps.times import Times
 from gapeval.results.tables import PARAMETERS
@@ -200,7 +201,9 @@ def test_times_that_are_nearly_equal_do_not_keep_a_worse_one_on_the_front() -> N
     assert [one.row["configuration"] for one in best] == ["good", "quick"]
     without = front(candidates(rows, {}))
     assert [one.row["configuration"] for one in without] == ["good"]
-    shown = front_exhibit(results(rows), rows[0], Times({}, "a", 0, missing="no log"), "s.csv", "t.csv")
+    advised = recommend(rows)
+    assert advised is not None
+    shown = front_exhibit(results(rows), advised, Times({}, "a", 0, missing="no log"), "s.csv", "t.csv")
     assert shown is not None
     assert "No times: no log." in shown.caption
     assert "t.csv" not in shown.source
@@ -223,7 +226,12 @@ def test_the_worst_have_most_faults_and_the_best_most_hits() -> None:
         frame(8, 2, 2, 2),
     ]
     chosen = choose(rows)
-    assert [(one.stamp, one.worst) for one in chosen] == [(2, True), (4, True), (8, True), (3, False)]
+    assert [(one.stamp, one.kind) for one in chosen] == [
+        (2, "worst"),
+        (4, "worst"),
+        (8, "worst"),
+        (3, "best"),
+    ]
     assert chosen[0].why == "1 of 2 labels hit, 4 false gaps"
     assert chosen[-1].why == "3 of 3 labels hit, no false gap"
 
@@ -232,13 +240,91 @@ def test_the_worst_have_most_faults_and_the_best_most_hits() -> None:
     ("rows", "expected"),
     [
         ([], []),
-        ([frame(1, 1, 1, 0)], [(1, False)]),
-        ([frame(1, 1, 0, 0)], [(1, True)]),
-        ([frame(1, 1, 0, 0), frame(2, 1, 1, 1)], [(1, True), (2, False)]),
-        ([frame(1, 0, 3, 0, 0), frame(2, 0, 5, 0, 0)], [(2, None)]),
+        ([frame(1, 1, 1, 0)], [(1, "best")]),
+        ([frame(1, 1, 0, 0)], [(1, "worst")]),
+        ([frame(1, 1, 0, 0), frame(2, 1, 1, 1)], [(1, "worst"), (2, "best")]),
+        ([frame(1, 3, 3, 1), frame(2, 3, 3, 1), frame(3, 0, 0, 0, 0)], [(1, "alike")]),
+        ([frame(1, 3, 3, 0), frame(2, 3, 3, 0)], [(1, "alike")]),
+        (
+            [frame(1, 3, 3, 1), frame(2, 3, 3, 1), frame(3, 2, 2, 1)],
+            [(3, "worst"), (1, "worst"), (2, "best")],
+        ),
+        ([frame(1, 0, 3, 0, 0), frame(2, 0, 5, 0, 0)], [(2, "most")]),
     ],
 )
 def test_every_number_of_frames_has_its_choice(
-    rows: list[dict[str, str]], expected: list[tuple[int, bool | None]]
+    rows: list[dict[str, str]], expected: list[tuple[int, str]]
 ) -> None:
-    assert [(one.stamp, one.worst) for one in choose(rows)] == expected
+    assert [(one.stamp, one.kind) for one in choose(rows)] == expected
+
+
+def test_every_row_of_the_table_has_its_number_at_its_place() -> None:
+    rows = [
+        row("sure", hit_rate=1.0, fp_per_frame=3.0, pq=0.59, n_o=0),
+        row("also", hit_rate=1.0, fp_per_frame=3.0, pq=0.4, n_o=1),
+        row("third", hit_rate=1.0, fp_per_frame=3.0, pq=0.3, n_o=2),
+        row("fourth", hit_rate=1.0, fp_per_frame=3.0, pq=0.3, n_o=3),
+        row("best", hit_rate=0.8, fp_per_frame=0.5, pq=0.6, n_o=4),
+        row("beaten", hit_rate=0.7, fp_per_frame=0.5, pq=0.1, n_o=5),
+    ]
+    advised = recommend(rows)
+    assert advised is not None
+    shown = front_exhibit(results(rows), advised, Times({}, "a", 0, missing="no log"), "s.csv", "t.csv")
+    assert shown is not None
+    assert shown.table.head == (
+        "no.", "", "time [ms]", "hit_rate", "fp_per_frame", "pq", "n_o", "configuration"
+    )  # fmt: skip
+    listed = [(line[0], line[1], line[-1]) for line in shown.table.rows]
+    assert listed == [
+        ("1", "recommended", "sure"),
+        ("2", "", "also"),
+        ("3", "", "third"),
+        ("4", "", "fourth"),
+        ("5", "highest pq", "best"),
+    ]
+    (scatter,) = shown.drawings
+    assert isinstance(scatter, Scatter)
+    assert [(dot.x, dot.y, dot.name) for dot in scatter.dots if dot.name] == [
+        (3.0, 1.0, "1 recommended, 2 to 4"),
+        (0.5, 0.8, "5 highest pq"),
+    ]
+    assert [(dot.x, dot.y) for dot in scatter.dots if dot.kind is None] == [(0.5, 0.7)]
+    assert scatter.mark == (3.0, 1.0)
+    assert "Ringed: no. 1, the recommended configuration; no. 5 has the highest pq." in shown.caption
+
+
+def test_what_is_marked_is_numbered_even_where_others_beat_it() -> None:
+    rows = [
+        row("a", hit_rate=0.9, fp_per_frame=1.0, pq=0.6),
+        row("b", hit_rate=0.9, fp_per_frame=0.5, pq=0.1),
+    ]
+    advised = recommend(rows)
+    assert advised is not None
+    shown = front_exhibit(results(rows), advised, Times({}, "a", 0, missing="no log"), "s.csv", "t.csv")
+    assert shown is not None
+    assert [line[:2] for line in shown.table.rows] == [("1", ""), ("2", "recommended, highest pq")]
+    assert "No. 2 is beaten by others here" in shown.caption
+
+
+def test_of_a_long_front_the_caption_says_what_has_no_number() -> None:
+    rows = [row(str(i), hit_rate=i / 40, fp_per_frame=i, pq=i / 100, n_o=i) for i in range(30)]
+    advised = recommend(rows)
+    assert advised is not None
+    shown = front_exhibit(results(rows), advised, Times({}, "a", 0, missing="no log"), "s.csv", "t.csv")
+    assert shown is not None
+    assert "end with the first 24; large markers without a number are the rest" in shown.caption
+    (scatter,) = shown.drawings
+    assert isinstance(scatter, Scatter)
+    named = [dot for dot in scatter.dots if dot.name]
+    assert len(named) == len(shown.table.rows) == 24
+    assert sum(dot.kind is not None for dot in scatter.dots) == 30
+
+
+def test_the_configuration_of_the_highest_pq_is_held_against_the_recommended_one() -> None:
+    sure = row("sure", pq=0.59, hit_rate=1.0, fp_per_frame=2.625)
+    best = row("best", pq=0.6, hit_rate=0.875, fp_per_frame=0.125)
+    assert difference(sure, best) == (
+        "The configuration of the highest pq is best: 0.125 false gaps per frame against 2.625 here, and a "
+        "hit rate of 0.875 against 1; take it where a false gap costs more than a missed label."
+    )
+    assert difference(sure, {**best, "fp_per_frame": "3.0"}).endswith("a hit rate of 0.875 against 1.")

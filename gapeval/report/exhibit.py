@@ -20,7 +20,7 @@ class Exhibit:
     """Drawings with one caption.
 
     name: for files. source: the CSV file and its rows. table: what is drawn; open: it is read as often as the
-    drawing, and stands beside it.
+    drawing, and is shown with it.
     """
 
     name: str

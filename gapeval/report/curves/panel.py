@@ -13,7 +13,8 @@ from gapeval.report.curves.style import RULE, Look
 
 LONG = 9  # letters that fit under a tick where there are few
 TICKS = 16  # different numbers, from which on round ones are under the axis
-NEAREST = 0.11  # of the axis, from one to the next
+NEAREST = 0.11  # of the axis, at least, from one to the next
+LETTER, BETWEEN = 0.029, 0.03  # of the axis: a letter under it, and what is free between two numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +127,10 @@ def _number_axis(axes: Axes, panel: Panel) -> None:
 def apart(places: FloatArray, values: FloatArray) -> list[float]:
     """Of values, which rise, those whose places are far enough from each other to be named."""
     kept: list[int] = []
+    wide = [LETTER * len(f"{value:g}") for value in values.tolist()]
     for index in range(len(places)):
-        if not kept or places[index] - places[kept[-1]] >= NEAREST * (places[-1] - places[0]):
+        room = max(NEAREST, BETWEEN + (wide[kept[-1]] + wide[index]) / 2) if kept else 0.0
+        if not kept or places[index] - places[kept[-1]] >= room * (places[-1] - places[0]):
             kept.append(index)
     return [float(values[index]) for index in kept]
 

@@ -3,18 +3,20 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from gapeval.frame import FloatArray
+from gapeval.report.curves.callouts import call_out
 from gapeval.report.curves.style import COLOURS, INK, MARKERS, RULE, SOFT
 
 
 @dataclass(frozen=True, slots=True)
 class Dot:
-    """kind: which marker; None for one that others beat. name: a word at it, or none."""
+    """kind: which marker; None for one that others beat. name: words at it, or none."""
 
     x: float
     y: float
@@ -56,7 +58,14 @@ def draw_scatter(axes: Axes, scatter: Scatter) -> None:
     x, y = scatter.mark
     axes.plot([x], [y], ls="", marker="o", ms=15, mfc="none", mec=INK, mew=1.8, zorder=6)
     _scale(axes, max(dot.x for dot in scatter.dots))
-    _number(axes, [dot for dot in scatter.dots if dot.name])
+    named = [dot for dot in scatter.dots if dot.name]
+    if named:
+        call_out(
+            axes,
+            [(dot.x, dot.y) for dot in named],
+            [dot.name for dot in named],
+            [*behind, *_along(scatter.edge)],
+        )
 
 
 def _scale(axes: Axes, most: float) -> None:
@@ -71,21 +80,19 @@ def _scale(axes: Axes, most: float) -> None:
     axes.set_xticks(shown, [f"{tick:g}" for tick in shown])
 
 
+def _along(edge: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Places along its steps."""
+    corners = [corner for (x, y), (next_x, _) in pairwise(edge) for corner in ((x, y), (next_x, y))]
+    steps = np.linspace(0, 1, 20)[:, None]
+    found: list[tuple[float, float]] = []
+    for one, other in pairwise([*corners, *edge[-1:]]):
+        found += map(tuple, (np.array(one) + steps * (np.array(other) - np.array(one))).tolist())
+    return found
+
+
 def _root(x: FloatArray) -> FloatArray:
     return np.sign(x) * np.sqrt(np.abs(x))
 
 
 def _square(x: FloatArray) -> FloatArray:
     return np.sign(x) * np.square(x)
-
-
-def _number(axes: Axes, dots: Sequence[Dot]) -> None:
-    """The first number of each place, where it lies over no other."""
-    taken: list[FloatArray] = []
-    for dot in dots:
-        place = axes.transData.transform((dot.x, dot.y)) * 72 / axes.figure.dpi
-        if all(abs(place[0] - x) > 13 or abs(place[1] - y) > 11 for x, y in taken):
-            taken.append(place)
-            axes.annotate(
-                dot.name, (dot.x, dot.y), (8, 6), textcoords="offset points", fontsize=8.5, color=INK
-            )

@@ -26,7 +26,7 @@ class Shown:
     @property
     def kind(self) -> str:
         """How it is laid out."""
-        return "beside-table" if self.exhibit.open else "drawn"
+        return "above-table" if self.exhibit.open else "drawn"
 
 
 def html(sections: Sequence[Section]) -> bytes:

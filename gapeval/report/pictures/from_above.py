@@ -41,7 +41,7 @@ def draw_frame(found: Findings) -> Figure:
     _draw_outlines(axes, found)
     robot = _draw_robot(axes, found)
     draw_crossings(axes, found, robot.get_window_extent())
-    draw_legend(figure, found)
+    draw_legend(figure, axes, found)
     return figure
 
 

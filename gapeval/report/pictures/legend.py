@@ -3,6 +3,7 @@
 from typing import Any
 
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.legend_handler import HandlerPatch
@@ -23,10 +24,11 @@ from gapeval.report.pictures.colours import (
     SENSOR,
     YES,
 )
+from gapeval.report.pictures.crossings import BEYOND
 from gapeval.report.pictures.found import CELL_NAMES, Findings
 
 
-def draw_legend(figure: Figure, found: Findings) -> None:
+def draw_legend(figure: Figure, axes: Axes, found: Findings) -> None:
     """What the colours mean: four columns of four."""
     columns: list[list[Artist]] = [
         [
@@ -47,6 +49,10 @@ def draw_legend(figure: Figure, found: Findings) -> None:
             Line2D([], [], color=BOX, lw=1.1, ls=(0, (5, 3)), label="x_min"),
         ],
     ]
+    if any(not axes.viewLim.contains(y, x) for c in found.crossings for x, y, *_ in (c.start, c.end)):
+        columns[1].append(
+            Line2D([], [], color=NO, lw=1.6, ls=BEYOND, label="crossing goes on behind the border")
+        )
     kinds = {placed.label.kind for placed in found.labels or ()}
     if found.labels is not None:
         columns[2].append(_outline("-", "label" if kinds else "label (none holds here)"))

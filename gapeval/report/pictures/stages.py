@@ -18,7 +18,7 @@ from gapeval.frame import FloatArray
 from gapeval.report.pictures.colours import CONTOUR, STAGES, gap_colours
 from gapeval.report.pictures.figure import own_style, titled_figure
 from gapeval.report.pictures.found import CELL_NAMES, Findings, binary_cells, opened_cells
-from gapeval.report.pictures.words import CROWD, Word, write
+from gapeval.report.pictures.words import AROUND, CROWD, Word, write, write_always
 
 PADDING = 3  # rows shown below the first that is seen
 
@@ -94,7 +94,7 @@ def _polar_ticks(axes: Axes, grid: PolarGrid, first: int) -> None:
 
 
 def _draw_contours(axes: Axes, gaps: Gaps) -> None:
-    """The edges between each gap's cells and all others, and the numbers that lie over no other."""
+    """The edges between each gap's cells and all others, and their numbers; of a crowd, those that fit."""
     axes.add_collection(
         LineCollection(
             list(contour_lines(gaps.labels)),
@@ -109,7 +109,11 @@ def _draw_contours(axes: Axes, gaps: Gaps) -> None:
     for index in np.argsort(-size, kind="stable")[:CROWD].tolist():
         places = np.argwhere(gaps.labels == index + 1) + 0.5
         nearest = np.argmin(((places - places.mean(axis=0)) ** 2).sum(axis=1))
-        write(axes, taken, [Word(str(index), places[nearest, ::-1].tolist(), (np.zeros(2),), style)])
+        word = Word(str(index), places[nearest, ::-1].tolist(), AROUND, style)
+        if len(gaps) <= CROWD:
+            write_always(axes, taken, word)
+        else:
+            write(axes, taken, [word])
 
 
 def contour_lines(labels: NDArray[np.int32]) -> FloatArray:

@@ -1,6 +1,7 @@
 """The files of a folder of studies."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from typing import Any
 import yaml
 
 from gapeval.errors import GapevalError
-from gapeval.report.sweeps.results import Row, read_json, read_rows
+from gapeval.report.sweeps.results import Row, number, read_json, read_rows
 from gapeval.results.store import MANIFEST
 
 CLAIMS, STUDY = "claims.csv", "study.yaml"
@@ -17,8 +18,12 @@ COLUMNS = ("study", "claim", "section", "words", "measured", "verdict", "conditi
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """One figure of the rows of `where`: a panel for each y, a line for each value of the column `lines`."""
+    """One figure of the rows of `where`: a panel for each y, a line for each value of the column `lines`.
 
+    place: among the study's curves, from 1.
+    """
+
+    place: int
     title: str
     x: str
     y: tuple[str, ...]
@@ -26,10 +31,20 @@ class Curve:
     where: Mapping[str, tuple[str, ...]]
     log_x: bool
 
+    def rows_of(self, rows: Sequence[Row]) -> list[Row]:
+        """Those that are asked for. A column of `where` that is missing is empty in all of them."""
+        found = (
+            row for row in rows if all(row.get(name, "") in any_of for name, any_of in self.where.items())
+        )
+        return [row for row in found if row[self.x]]
+
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """One study: what it asks, its figures, its rows. runs: folders of the sweeps that it is made of."""
+    """One study: what it asks, its figures, its rows.
+
+    left_out: curves that cannot be drawn, and why. runs: folders of the sweeps that it is made of.
+    """
 
     name: str
     title: str
@@ -37,6 +52,7 @@ class Study:
     question: str
     says: str
     curves: tuple[Curve, ...]
+    left_out: tuple[str, ...]
     rows: tuple[Row, ...]
     runs: tuple[str, ...]
 
@@ -72,14 +88,15 @@ def _study(folder: Path, name: str) -> Study:
     rows = tuple(read_rows(folder / f"{name}.csv"))
     runs = sorted(run.parent.relative_to(folder).as_posix() for run in (folder / name).rglob("summary.csv"))
     texts = {key: _text(about.get(key)) for key in ("title", "paper", "question", "says")}
-    curves = about.get("curves") or ()
+    curves, left_out = _curves(name, about.get("curves") or [], rows)
     return Study(
         name,
         texts["title"] or name,
         texts["paper"],
         texts["question"],
         texts["says"],
-        tuple(_curve(path, curve, rows) for curve in curves),
+        curves,
+        left_out,
         rows,
         tuple(runs),
     )
@@ -89,23 +106,65 @@ def _text(value: Any) -> str:
     return "" if value is None else " ".join(str(value).split())
 
 
-def _curve(path: Path, given: Any, rows: tuple[Row, ...]) -> Curve:
-    """Raises GapevalError for a column that the rows do not have."""
+def _curves(study: str, given: Any, rows: tuple[Row, ...]) -> tuple[tuple[Curve, ...], tuple[str, ...]]:
+    """Those that can be drawn, and of each other one what is wrong with it."""
+    curves: list[Curve] = []
+    left_out: list[str] = []
+    for place, one in enumerate(given if isinstance(given, list) else [given], 1):
+        name = f"study {study}, curve {place}"
+        try:
+            curve = _curve(place, one)
+            name += f" ({curve.title or ', '.join(curve.y) + ' against ' + curve.x})"
+            _check(curve, rows)
+        except (KeyError, TypeError, AttributeError):
+            left_out.append(f"{name} is left out: it needs x and y, columns of {study}.csv")
+        except GapevalError as error:
+            left_out.append(f"{name} is left out: {error}")
+        else:
+            curves.append(curve)
+    return tuple(curves), tuple(left_out)
+
+
+def _curve(place: int, given: Any) -> Curve:
+    y = (given["y"],) if isinstance(given["y"], str) else tuple(map(str, given["y"]))
+    where = {
+        str(column): tuple(map(_cell, value if isinstance(value, list) else [value]))
+        for column, value in (given.get("where") or {}).items()
+    }
+    lines = None if given.get("lines") is None else str(given["lines"])
+    return Curve(place, _text(given.get("title")), str(given["x"]), y, lines, where, bool(given.get("log_x")))
+
+
+def _check(curve: Curve, rows: tuple[Row, ...]) -> None:
+    """Raises GapevalError for a column that the rows do not have, and for a y that is no number."""
+    if not rows:
+        return
+    asked = [name for name, any_of in curve.where.items() if "" not in any_of]
+    for column in (curve.x, *curve.y, *asked, *((curve.lines,) if curve.lines else ())):
+        if column not in rows[0]:
+            raise GapevalError(f"there is no column {column}")
+    for row in curve.rows_of(rows):
+        for name in (column for y in curve.y for column in (y, f"{y}_low", f"{y}_high")):
+            try:
+                value = number(row, name)
+            except GapevalError:
+                value = math.nan
+            if value is not None and not math.isfinite(value):
+                raise GapevalError(f"{name} is {row[name]!r} in a row, which is no number")
+        if curve.log_x and not _is_number(row[curve.x]):
+            raise GapevalError(f"{curve.x} is {row[curve.x]!r} in a row, which is no number, as log_x needs")
+
+
+def _is_number(text: str) -> bool:
     try:
-        y = (given["y"],) if isinstance(given["y"], str) else tuple(map(str, given["y"]))
-        where = {
-            str(column): tuple(map(_cell, value if isinstance(value, list) else [value]))
-            for column, value in (given.get("where") or {}).items()
-        }
-        lines = None if given.get("lines") is None else str(given["lines"])
-        curve = Curve(_text(given.get("title")), str(given["x"]), y, lines, where, bool(given.get("log_x")))
-    except (KeyError, TypeError, AttributeError) as error:
-        raise GapevalError(f"{path}: a curve needs x and y, columns of the study's CSV file") from error
-    columns = (curve.x, *curve.y, *where, *((lines,) if lines else ()))
-    missing = [column for column in columns if rows and column not in rows[0]]
-    if missing:
-        raise GapevalError(f"{path}: a curve names {missing[0]}, which is no column of the study's CSV file")
-    return curve
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+def is_numeric(rows: Sequence[Row], column: str) -> bool:
+    """Whether all that a column holds is numbers."""
+    return all(_is_number(row[column]) for row in rows)
 
 
 def _cell(value: Any) -> str:

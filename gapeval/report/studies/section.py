@@ -1,23 +1,25 @@
 """The section of a folder of studies in a page."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gapeval.report.curves.panel import Line, Panel, Point
 from gapeval.report.curves.style import Look
 from gapeval.report.exhibit import Exhibit, Table
-from gapeval.report.studies.results import CLAIMS, Curve, Studies, Study
-from gapeval.report.sweeps.parameters import BY_NAME, label
+from gapeval.report.studies.results import CLAIMS, Curve, Studies, Study, is_numeric
+from gapeval.report.sweeps.parameters import BY_NAME, at_the_ends, label
 from gapeval.report.sweeps.results import Row, number, values_of
 from gapeval.report.text import short
+from gapeval.results.store import ALL
 from gapeval.results.tables import PARAMETERS
 
+GROUP_UNITS = {"range": "m", "width": "m", "gap_range": "m", "bearing": "rad"}
 VERDICTS = ("holds", "holds partly", "does not hold", "not measured")
 
 
 @dataclass(frozen=True, slots=True)
 class ShownStudy:
-    """unmeasured: why it has no curve."""
+    """A study with the figures of those of its curves that have rows."""
 
     study: Study
     claims: tuple[Row, ...]
@@ -60,7 +62,10 @@ def study_section(found: Studies, title: str) -> StudySection:
             ("on", str(manifest.get("log") or "simulated logs")),
             ("gapeval", f"{manifest.get('gapeval', '-')}, scorer {manifest.get('scorer', '-')}; {versions}"),
         ),
-        warnings=quick if manifest.get("quick") else (),
+        warnings=(
+            *(quick if manifest.get("quick") else ()),
+            *(words for one in found.studies for words in one.left_out),
+        ),
         claims=found.claims,
         claims_source=f"{title}/{CLAIMS}, all rows",
         counts=tuple((verdict, verdicts.count(verdict)) for verdict in VERDICTS if verdict in verdicts),
@@ -71,21 +76,21 @@ def study_section(found: Studies, title: str) -> StudySection:
 def _shown(found: Studies, study: Study, title: str) -> ShownStudy:
     claims = tuple(row for row in found.claims if row["study"] == study.name)
     source = f"{title}/{study.name}.csv"
-    curves = [_exhibit(study, curve, number_, source) for number_, curve in enumerate(study.curves, 1)]
+    curves = [_exhibit(study, curve, source) for curve in study.curves]
     return ShownStudy(study, claims, tuple(one for one in curves if one is not None))
 
 
-def _exhibit(study: Study, curve: Curve, place: int, source: str) -> Exhibit | None:
+def _exhibit(study: Study, curve: Curve, source: str) -> Exhibit | None:
     """A panel for each y; None where no row is asked for, or none has a figure."""
-    rows = [row for row in study.rows if all(row[name] in any_of for name, any_of in curve.where.items())]
-    rows = [row for row in rows if row[curve.x] and any(number(row, y) is not None for y in curve.y)]
+    rows = [row for row in curve.rows_of(study.rows) if any(number(row, y) is not None for y in curve.y)]
     if not rows:
         return None
+    curve, rows = _without_all_of_one(curve, rows)
     kinds = values_of(rows, curve.lines) if curve.lines else ("",)
     looks = {kind: Look(index) for index, kind in enumerate(kinds)}
     panels = tuple(_panel(curve, y, rows, looks) for y in curve.y)
     named = (
-        tuple((f"{curve.lines} {kind or '(empty)'}", look) for kind, look in looks.items())
+        tuple((f"{_grouped(curve, curve.lines)} {kind or '(empty)'}", look) for kind, look in looks.items())
         if curve.lines
         else ()
     )
@@ -93,31 +98,48 @@ def _exhibit(study: Study, curve: Curve, place: int, source: str) -> Exhibit | N
         f"{name} = {' or '.join(one or '(empty)' for one in any_of)}" for name, any_of in curve.where.items()
     )
     return Exhibit(
-        name=f"{study.name}-{place}",
-        title=curve.title or f"{', '.join(curve.y)} against {_label(curve.x)}",
+        name=f"{study.name}-{curve.place}",
+        title=curve.title or f"{', '.join(curve.y)} against {_label(curve, curve.x)}",
         drawings=panels,
         legend=named,
-        caption=_caption(rows, curve),
+        caption=_caption(rows, curve, panels),
         source=f"{source}, {f'rows with {asked}' if asked else 'all rows'}, by {curve.x}"
         + (f" and {curve.lines}" if curve.lines else ""),
         table=_table(curve, rows),
     )
 
 
-def _caption(rows: Sequence[Row], curve: Curve) -> str:
+def _without_all_of_one(curve: Curve, rows: list[Row]) -> tuple[Curve, list[Row]]:
+    """Where there is one log, the line of all of them is its own: one of the two is enough."""
+    if not curve.lines:
+        return curve, rows
+    of_one = [row for row in rows if row[curve.lines] != ALL]
+    names = {row[curve.lines] for row in of_one}
+    columns = [curve.x, *(f"{y}{end}" for y in curve.y for end in ("", "_low", "_high"))]
+
+    def drawn(some: Sequence[Row]) -> list[list[str]]:
+        return sorted([row.get(name, "") for name in columns] for row in some)
+
+    if len(names) != 1 or drawn(of_one) != drawn([row for row in rows if row[curve.lines] == ALL]):
+        return curve, rows
+    return replace(curve, where={**curve.where, curve.lines: tuple(names)}), of_one
+
+
+def _caption(rows: Sequence[Row], curve: Curve, panels: Sequence[Panel]) -> str:
     known = any(
         number(row, f"{y}_{end}") is not None for row in rows for y in curve.y for end in ("low", "high")
     )
-    shape = "Bands" if _is_numeric(rows, curve.x) else "Bars"
+    shape = "Bands" if is_numeric(rows, curve.x) else "Bars"
+    ends = at_the_ends(zip(curve.y, panels, strict=True))
     return (
-        f"{shape}: 95 % intervals, where there is enough data for one."
+        f"{shape}: 95 % intervals, where there is enough data for one.{ends}"
         if known
         else "No intervals: there is too little data for them."
     )
 
 
 def _panel(curve: Curve, y: str, rows: Sequence[Row], looks: dict[str, Look]) -> Panel:
-    numeric = _is_numeric(rows, curve.x)
+    numeric = is_numeric(rows, curve.x)
     places = values_of(rows, curve.x)
     lines, doubled = [], False
     for kind, look in looks.items():
@@ -146,23 +168,14 @@ def _panel(curve: Curve, y: str, rows: Sequence[Row], looks: dict[str, Look]) ->
     )
     return Panel(
         title=_title(y),
-        x_label=_label(curve.x),
+        x_label=_label(curve, curve.x),
         lines=tuple(lines),
-        alt=f"{_title(y)} against {_label(curve.x)}; its values are in the table below the figure.",
+        alt=f"{_title(y)} against {_label(curve, curve.x)}; its values are in the table below the figure.",
         categories=None if numeric else places,
         joined=numeric and not doubled,
         log_x=curve.log_x and numeric and all(point.x > 0 for line in lines for point in line.points),
         share=share,
     )
-
-
-def _is_numeric(rows: Sequence[Row], column: str) -> bool:
-    try:
-        for row in rows:
-            float(row[column])
-    except ValueError:
-        return False
-    return True
 
 
 def _title(y: str) -> str:
@@ -173,14 +186,23 @@ def _title(y: str) -> str:
     return f"{y}{unit}" + ("" if metric.better == "none" else f", {metric.better} is better")
 
 
-def _label(column: str) -> str:
+def _label(curve: Curve, column: str) -> str:
+    column = _grouped(curve, column)
     return label(column) if column in PARAMETERS else column
+
+
+def _grouped(curve: Curve, column: str) -> str:
+    """What a column is called; of `group`, what the rows were grouped by."""
+    by = [name for name in curve.where.get("by", ()) if name]
+    if column != "group" or len(by) != 1:
+        return column
+    return f"{by[0]} [{GROUP_UNITS[by[0]]}]" if by[0] in GROUP_UNITS else by[0]
 
 
 def _table(curve: Curve, rows: Sequence[Row]) -> Table:
     by = (curve.x, *((curve.lines,) if curve.lines else ()))
     return Table(
-        (*map(_label, by), *curve.y),
+        (*(_label(curve, name) for name in by), *curve.y),
         tuple(
             (*(row[name] or "(empty)" for name in by), *(_figure(row, y) for y in curve.y)) for row in rows
         ),

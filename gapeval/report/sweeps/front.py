@@ -11,13 +11,14 @@ from gapeval.report.curves.scatter import Dot, Scatter
 from gapeval.report.curves.style import Look
 from gapeval.report.exhibit import Exhibit, Table
 from gapeval.report.sweeps.parameters import label
+from gapeval.report.sweeps.recommendation import Recommendation
 from gapeval.report.sweeps.results import Results, Row, number
 from gapeval.report.sweeps.times import Times
 from gapeval.report.text import counted, short
 
 EQUAL = 1.1  # times within a factor of about this count as equal: they were measured on a busy machine
 LISTED = 24  # rows of the table
-CLASSES = 3
+RECOMMENDED, HIGHEST = "recommended", "highest pq"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,27 +62,34 @@ def dominated(aims: FloatArray) -> "np.ndarray[tuple[int], np.dtype[np.bool_]]":
     return beaten
 
 
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A row of the table. mark: whether it is the recommended one, or that of the highest pq."""
+
+    number: int
+    one: Candidate
+    mark: str
+
+
 def front_exhibit(
-    results: Results, base: Row, measured: Times, source: str, times_source: str
+    results: Results, advised: Recommendation, measured: Times, source: str, times_source: str
 ) -> Exhibit | None:
     """Hit rate against false gaps, by time."""
     found = candidates(results.overall, measured.seconds)
     if len(found) < 2:
         return None
     best = front(found)
+    entries = _entries(found, best, advised)
     timed = [one.seconds for one in found if one.seconds is not None]
     limits = tuple(np.quantile(timed, [1 / 3, 2 / 3]).tolist()) if timed else ()
     kinds = _kinds(limits)
-    on_front = {one.row["configuration"]: rank for rank, one in enumerate(best, 1)}
-    dots = tuple(_dot(one, on_front, limits) for one in _in_order(found, on_front))
-    (here,) = [one for one in found if one.row["configuration"] == base["configuration"]] or [found[0]]
+    (here,) = [entry.one for entry in entries if RECOMMENDED in entry.mark]
     time_words = (
         "Times: detection and crossings of one frame by each configuration alone, best of three, median over "
         f"{counted(measured.frames, 'frame')} of {measured.log}; times within about a tenth count as equal."
         if timed
         else f"No times: {measured.missing}."
     )
-    more = f" The table has the first {LISTED} of {len(best)}." if len(best) > LISTED else ""
     return Exhibit(
         name="front",
         title="Hit rate against false gaps against time" if timed else "Hit rate against false gaps",
@@ -90,7 +98,7 @@ def front_exhibit(
                 title="",
                 x_label="fp_per_frame: false gaps per frame, fewer is better (by its root)",
                 y_label="hit_rate, higher is better",
-                dots=dots,
+                dots=_dots(found, best, entries, limits),
                 kinds=len(kinds),
                 edge=_edge(best),
                 mark=(here.false_gaps, here.hit_rate),
@@ -101,27 +109,87 @@ def front_exhibit(
             ),
         ),
         legend=tuple((name, Look(kind, joined=False)) for kind, name in enumerate(kinds)),
-        caption=(
-            f"{len(best)} of {len(found)} configurations are beaten by no other in all of these at once; "
-            "small dots are the others. Numbers: rows of the table. Ringed: the configuration above. "
-            f"{time_words}{more}"
-        ),
+        caption=f"{_caption(found, best, entries)} {time_words}",
         source=f"{source}, rows with log = all" + (f"; {times_source}, column median" if timed else ""),
-        table=_table(results, best),
+        table=_table(results, entries),
         open=True,
     )
 
 
-def _in_order(found: Sequence[Candidate], ranks: Mapping[str, int]) -> list[Candidate]:
-    return sorted(found, key=lambda one: ranks.get(one.row["configuration"], len(found) + 1))
+def _entries(found: Sequence[Candidate], best: Sequence[Candidate], advised: Recommendation) -> list[Entry]:
+    """The first of the front, and after them what is marked and not among them."""
+    names = {RECOMMENDED: advised.row["configuration"], HIGHEST: advised.best["configuration"]}
+    marked = [one for one in found if one.row["configuration"] in names.values()]
+    listed = [*best[:LISTED], *(one for one in marked if one not in best[:LISTED])]
+    return [
+        Entry(place, one, ", ".join(word for word, name in names.items() if name == one.row["configuration"]))
+        for place, one in enumerate(listed, 1)
+    ]
 
 
-def _dot(one: Candidate, ranks: Mapping[str, int], limits: Sequence[float]) -> Dot:
-    rank = ranks.get(one.row["configuration"])
-    if rank is None:
-        return Dot(one.false_gaps, one.hit_rate, None)
-    kind = sum(one.seconds > limit for limit in limits) if one.seconds is not None else 0
-    return Dot(one.false_gaps, one.hit_rate, kind, str(rank) if rank <= LISTED else "")
+def _caption(found: Sequence[Candidate], best: Sequence[Candidate], entries: Sequence[Entry]) -> str:
+    """What is numbered, what is not, and where the marked ones are."""
+    words = [
+        f"{len(best)} of {len(found)} configurations are beaten by no other in all of these at once: they "
+        "have large markers, with their number in the table. Small dots, without a number, are the others."
+    ]
+    if len(best) > LISTED:
+        words.append(
+            f"Numbers and table end with the first {LISTED}; large markers without a number are the rest."
+        )
+    (here,) = [entry for entry in entries if RECOMMENDED in entry.mark]
+    (highest,) = [entry for entry in entries if HIGHEST in entry.mark]
+    if here is highest:
+        words.append(
+            f"Ringed: no. {here.number}, the recommended configuration, which has the highest pq too."
+        )
+    else:
+        words.append(
+            f"Ringed: no. {here.number}, the recommended configuration; "
+            f"no. {highest.number} has the highest pq."
+        )
+    words += [
+        f"No. {entry.number} is beaten by others here; it was chosen by its pq."
+        for entry in entries
+        if entry.mark and entry.one not in best
+    ]
+    return " ".join(words)
+
+
+def _dots(
+    found: Sequence[Candidate], best: Sequence[Candidate], entries: Sequence[Entry], limits: Sequence[float]
+) -> tuple[Dot, ...]:
+    """Of those at one place the first has the numbers of all."""
+    at: dict[tuple[float, float], list[Entry]] = {}
+    for entry in entries:
+        at.setdefault((entry.one.false_gaps, entry.one.hit_rate), []).append(entry)
+    large = [*best, *(entry.one for entry in entries if entry.one not in best)]
+    dots = []
+    for one in large:
+        kind = sum(one.seconds > limit for limit in limits) if one.seconds is not None else 0
+        here = at.pop((one.false_gaps, one.hit_rate), [])
+        dots.append(Dot(one.false_gaps, one.hit_rate, kind, numbers(here)))
+    ids = {one.row["configuration"] for one in large}
+    small = (one for one in found if one.row["configuration"] not in ids)
+    return (*dots, *(Dot(one.false_gaps, one.hit_rate, None) for one in small))
+
+
+def numbers(entries: Sequence[Entry]) -> str:
+    """`1, 4 recommended, 6 to 9`: marked ones by themselves, three or more in a row as a range."""
+    runs: list[list[Entry]] = []
+    for entry in entries:
+        follows = (
+            runs and not entry.mark and not runs[-1][-1].mark and entry.number == runs[-1][-1].number + 1
+        )
+        if follows:
+            runs[-1].append(entry)
+        else:
+            runs.append([entry])
+    words = []
+    for run in runs:
+        each = [f"{entry.number} {entry.mark}".rstrip() for entry in run]
+        words += [f"{each[0]} to {each[-1]}"] if len(run) > 2 else each
+    return ", ".join(words)
 
 
 def _kinds(limits: Sequence[float]) -> tuple[str, ...]:
@@ -140,26 +208,29 @@ def _edge(best: Sequence[Candidate]) -> tuple[tuple[float, float], ...]:
     return tuple(corners)
 
 
-def _table(results: Results, best: Sequence[Candidate]) -> Table:
+def _table(results: Results, entries: Sequence[Entry]) -> Table:
+    """What it is about comes first: of many parameters a narrow page shows the first columns."""
     head = (
         "no.",
-        "configuration",
-        *map(label, results.varied),
+        "",
+        "time [ms]",
         "hit_rate",
         "fp_per_frame",
         "pq",
-        "time [ms]",
+        *map(label, results.varied),
+        "configuration",
     )
     rows = tuple(
         (
-            str(rank),
-            one.row["configuration"],
-            *(one.row[name] or "(empty)" for name in results.varied),
-            short(one.hit_rate),
-            short(one.false_gaps),
-            short(number(one.row, "pq")),
-            "-" if one.seconds is None else f"{1e3 * one.seconds:.2f}",
+            str(entry.number),
+            entry.mark,
+            "-" if entry.one.seconds is None else f"{1e3 * entry.one.seconds:.2f}",
+            short(entry.one.hit_rate),
+            short(entry.one.false_gaps),
+            short(number(entry.one.row, "pq")),
+            *(entry.one.row[name] or "(empty)" for name in results.varied),
+            entry.one.row["configuration"],
         )
-        for rank, one in enumerate(best[:LISTED], 1)
+        for entry in entries
     )
     return Table(head, rows)

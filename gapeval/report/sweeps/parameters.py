@@ -1,6 +1,6 @@
 """A sweep's figures against each parameter, and over pairs of them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -16,6 +16,10 @@ from gapeval.scoring.metrics import METRICS
 SHOWN = ("f1", "hit_rate", "fp_per_frame", "over_area")
 WITHOUT_LABELS = ("gaps", "traversable_npca")  # what is known then, per frame
 PAIRED = "f1"
+AT_THE_ENDS = (
+    "The interval of a figure that is exactly 0 or 1 is counted over distinct labels, blocks of time or logs "
+    "(Clopper and Pearson; of false gaps Poisson), and is often wider than its neighbours'."
+)
 BEST = Look(faint=True)
 BY_NAME = {metric.name: metric for metric in METRICS}
 
@@ -63,7 +67,7 @@ def _curves(results: Results, base: Row, name: str, source: str) -> Exhibit:
         title=f"Against {label(name)}",
         drawings=panels,
         legend=legend,
-        caption=_caption(name, slices),
+        caption=_caption(name, slices, panels),
         source=(
             f"{source}, rows with log = all{held}"
             + ("" if alone else "; the dashed line from all rows with log = all")
@@ -72,13 +76,30 @@ def _curves(results: Results, base: Row, name: str, source: str) -> Exhibit:
     )
 
 
-def _caption(name: str, slices: Sequence[Slice]) -> str:
+def _caption(name: str, slices: Sequence[Slice], panels: Sequence[Panel]) -> str:
     meaning = meanings()[name].replace("`", "")
     known = any(row is not None and row.get(f"{one.metric}_low") for one in slices for row in one.base)
     bands = " Bands: 95 % intervals." if known else ""
+    ends = at_the_ends((one.metric, panel) for one, panel in zip(slices, panels, strict=True))
     return (
-        f"{name}: {meaning}. The values stand evenly spaced; the grey bar is the configuration above.{bands}"
+        f"{name}: {meaning}. The values stand evenly spaced; the grey bar is the configuration above."
+        f"{bands}{ends}"
     )
+
+
+def at_the_ends(drawn: Iterable[tuple[str, Panel]]) -> str:
+    """A sentence about intervals that are not drawn from blocks, where there is one of them.
+
+    drawn: metrics and their panels. See gapeval.scoring.intervals.
+    """
+    for metric, panel in drawn:
+        known = BY_NAME.get(metric)
+        counts = "nothing" if known is None else known.counts
+        ends = {"nothing": (), "events": (0.0,)}.get(counts, (0.0, 1.0))
+        for point in (point for line in panel.lines if not line.look.faint for point in line.points):
+            if point.y in ends and point.low is not None and point.low != point.high:
+                return " " + AT_THE_ENDS
+    return ""
 
 
 def cut(rows: Sequence[Row], base: Row, name: str, others: Sequence[str], metric: str) -> Slice:

@@ -13,8 +13,13 @@ from gapeval.report.sweeps.frames import Choice
 from gapeval.report.sweeps.logs import Source, Sources
 from gapeval.report.sweeps.results import Row
 
-TITLES = {True: "Worst frame {}", False: "Best frame", None: "The frame with the most gaps"}
-NAMES = {True: "worst-{}", False: "best", None: "frame"}
+TITLES = {
+    "worst": "Worst frame {}",
+    "best": "Best frame",
+    "alike": "One frame of all, which are alike",
+    "most": "The frame with the most gaps",
+}
+NAMES = {"worst": "worst-{}", "best": "best", "alike": "frame", "most": "frame"}
 
 
 def photos(
@@ -23,8 +28,8 @@ def photos(
     """A picture of each chosen frame from above, and the stages of the first."""
     made: list[Photo] = []
     for rank, choice in enumerate(choices, 1):
-        title = TITLES[choice.worst].format(rank)
-        name = NAMES[choice.worst].format(rank)
+        title = TITLES[choice.kind].format(rank)
+        name = NAMES[choice.kind].format(rank)
         rows = f"{source}, row with log = {choice.log}, stamp = {choice.stamp}, "
         rows += f"configuration = {base['configuration']}"
         opened = sources.of(choice.log)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gapeval.report.sweeps.results import Row, number
+from gapeval.report.text import short
 from gapeval.results.store import BEST
 
 NEAR = 0.02  # of pq, that count as equal where it has no interval
@@ -84,3 +85,16 @@ def reason(found: Recommendation, configurations: int) -> str:
         f"{tells}. {found.candidates} of {configurations} reach that. Among them this one has the highest "
         f"hit rate, then the fewest false gaps, then the smallest image; {others}."
     )
+
+
+def difference(row: Row, best: Row) -> str:
+    """How the configuration of the highest pq does beside another, in a sentence."""
+    (hits, best_hits), (false, best_false) = (
+        (number(row, name) or 0.0, number(best, name) or 0.0) for name in ("hit_rate", "fp_per_frame")
+    )
+    words = (
+        f"The configuration of the highest pq is {best['configuration']}: {short(best_false)} false gaps per "
+        f"frame against {short(false)} here, and a hit rate of {short(best_hits)} against {short(hits)}"
+    )
+    better = best_false < false and best_hits < hits
+    return f"{words}; take it where a false gap costs more than a missed label." if better else f"{words}."

@@ -6,11 +6,11 @@ from typing import Any
 
 from gapeval.report.exhibit import Exhibit, Photo, Table
 from gapeval.report.sweeps.frames import choose, rows_of, unshown
-from gapeval.report.sweeps.front import front_exhibit
+from gapeval.report.sweeps.front import HIGHEST, RECOMMENDED, front_exhibit
 from gapeval.report.sweeps.logs import Sources
 from gapeval.report.sweeps.parameters import BY_NAME, curves, heat_maps, label
 from gapeval.report.sweeps.photos import photos
-from gapeval.report.sweeps.recommendation import reason, recommend
+from gapeval.report.sweeps.recommendation import difference, reason, recommend
 from gapeval.report.sweeps.results import FRAMES, SUMMARY, Results, Row, number, read_rows
 from gapeval.report.sweeps.times import TIMES, Times, times
 from gapeval.report.text import counted, short
@@ -31,8 +31,8 @@ HEADINGS = {
 class Advice:
     """The configuration that is shown: the recommended one, where labels allow one.
 
-    heading: what it is called. chosen: whether among others. values: the parameters that vary. held: all
-    others.
+    heading: what it is called. chosen: whether among others. other: how that of the highest pq differs, if it
+    is another. values: the parameters that vary. held: all others.
     """
 
     configuration: str
@@ -40,6 +40,7 @@ class Advice:
     scored: bool
     chosen: bool
     reason: str
+    other: str
     values: Table
     held: Table
     figures: Table
@@ -73,6 +74,7 @@ def sweep_section(results: Results, title: str, advance: Callable[[int], object]
     """title: the folder, as it was named; also before the names of files."""
     advised = recommend(results.overall)
     base = results.overall[0] if advised is None else advised.row
+    other = None if advised is None or advised.best is base else advised.best
     varied = results.varied or ("k", "delta_r", "n_o", "pl_th")
     sources = Sources(results)
     summary, several = f"{title}/{SUMMARY}", len(results.overall) > 1
@@ -89,15 +91,17 @@ def sweep_section(results: Results, title: str, advance: Callable[[int], object]
             advised is not None,
             advised is not None and several,
             _without_labels(results) if advised is None else reason(advised, len(results.overall)),
-            _values(base, [name for name in varied if base[name] or several]),
-            _values(base, [name for name in PARAMETERS if name not in varied and base[name]]),
-            _figures(base),
-            f"{summary}, row with log = all, configuration = {base['configuration']}",
+            "" if other is None else difference(base, other),
+            _values([name for name in varied if base[name] or several], base, other),
+            _values([name for name in PARAMETERS if name not in varied and base[name]], base),
+            _figures(base, other),
+            f"{summary}, rows with log = all, configuration = {base['configuration']}"
+            + ("" if other is None else f" or {other['configuration']}"),
         ),
         per_log=_per_log(results, base),
         curves=tuple(curves(results, base, summary)),
         pairs=heat_maps(results, base, summary),
-        front=front_exhibit(results, base, measured, summary, f"{title}/{TIMES}") if advised else None,
+        front=front_exhibit(results, advised, measured, summary, f"{title}/{TIMES}") if advised else None,
         photos=tuple(photos(chosen, sources, base, f"{title}/{FRAMES}", advance)),
         no_photos=unshown(chosen),
         unkept=measured.unkept,
@@ -171,19 +175,32 @@ def _without_labels(results: Results) -> str:
     return f"{why}, so none is recommended; shown is {shown}."
 
 
-def _values(base: Row, names: Sequence[str]) -> Table:
-    return Table(("parameter", "value"), tuple((label(name), base[name] or "(empty)") for name in names))
+def _values(names: Sequence[str], base: Row, other: Row | None = None) -> Table:
+    columns = [base] if other is None else [base, other]
+    head = ("parameter", *_heads(other, "value"))
+    return Table(head, tuple((label(name), *(row[name] or "(empty)" for row in columns)) for name in names))
 
 
-def _figures(base: Row) -> Table:
+def _heads(other: Row | None, alone: str) -> tuple[str, ...]:
+    return (alone,) if other is None else (RECOMMENDED, HIGHEST)
+
+
+def _figures(base: Row, other: Row | None) -> Table:
     rows = []
     for name in FIGURES:
-        low, high = number(base, f"{name}_low"), number(base, f"{name}_high")
-        interval = "-" if low is None or high is None else f"{short(low)} to {short(high)}"
         metric = BY_NAME[name]
         unit = "" if metric.unit == "1" else f" [{metric.unit}]"
-        rows.append((f"{name}{unit}", short(number(base, name)), interval, metric.meaning.replace("`", "")))
-    return Table(("metric", "value", "95 % interval", "meaning"), tuple(rows))
+        values = [_with_interval(row, name) for row in (base, other) if row is not None]
+        rows.append((f"{name}{unit}", *values, metric.meaning.replace("`", "")))
+    known = any(number(base, f"{name}_low") is not None for name in FIGURES)
+    heads = [f"{head} (95 % interval)" if known else head for head in _heads(other, "value")]
+    return Table(("metric", *heads, "meaning"), tuple(rows))
+
+
+def _with_interval(row: Row, name: str) -> str:
+    low, high = number(row, f"{name}_low"), number(row, f"{name}_high")
+    interval = "" if low is None or high is None else f" ({short(low)} to {short(high)})"
+    return short(number(row, name)) + interval
 
 
 def _per_log(results: Results, base: Row) -> Table | None:
