@@ -2,6 +2,7 @@
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -289,3 +290,19 @@ def test_bins_that_see_no_ground_are_not_measured(out, tmp_path) -> None:
     assert result.status == 0, result.err
     assert [row["verdict"] for row in rows(tmp_path / "out" / "claims.csv")] == ["not measured"]
     assert "nan" not in (tmp_path / "out" / "bins.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("by", "value", "group"),
+    [
+        ("range", 0.0, 0.0), ("range", 0.999, 0.0), ("range", 1.0, 1.0), ("range", 20.0, 20.0), ("range", 99.0, 20.0),
+        ("width", 0.2, 0.2), ("width", 0.19, 0.0), ("width", 2.0, 2.0), ("width", 7.0, 2.0),
+        ("bearing", 0.0, 0.262), ("bearing", -0.001, -0.262), ("bearing", 3.1, 2.88), ("bearing", -3.1, -2.88),
+    ],
+)  # fmt: skip
+def test_a_group_holds_its_lower_edge(out, by, value, group) -> None:
+    tables = read_tables(
+        plan_runs("mine", Study.model_validate(STUDY), {}, None)[0], out / "mine" / "labelled"
+    )
+    moved = replace(tables, asked=tables.asked.assign(**{by: value}))
+    assert [one for one, _ in by_labels(moved, by)] == [group]
