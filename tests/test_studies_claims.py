@@ -7,11 +7,13 @@ from hypothesis import strategies as st
 
 from gapeval.errors import ConfigError
 from gapeval.studies.claims import DOES_NOT, HOLDS, NOT_MEASURED, PARTLY, check_rules, judge
+from gapeval.studies.columns import check_columns
 from gapeval.studies.definition import Claim, Figure, Run, Study
 from gapeval.studies.estimates import Estimate
 from gapeval.studies.figures import evaluated
-from gapeval.studies.rows import Row
+from gapeval.studies.rows import Row, with_best
 
+GOOD = ("pq", "hit_rate", "fp_per_frame", "coverage", "over_area", "npca_accuracy")
 DRAWS = np.array([0.1, 0.2, 0.3, 0.4])
 
 
@@ -316,3 +318,27 @@ def test_weighing_goes_by_size_whatever_its_sign_and_draw_by_draw(of, right) -> 
 def test_nothing_at_all_can_be_the_best() -> None:
     rows = [row({"over_area": value}, k=k) for k, value in ((6, 0.2), (7, 0.0), (8, None))]
     assert evaluated(Figure(of="over_area", best="k"), {}, rows).value == 7
+
+
+@pytest.mark.parametrize("key", ["best", "fit", "weigh", "where", "minus", "over"])
+def test_every_column_that_a_figure_names_must_be_one(key) -> None:
+    asked = {"of": "fp_per_frame", key: {"rol": 0.1} if key in ("where", "minus", "over") else "rol"}
+    with pytest.raises(ConfigError, match=r"study s: claims\.it\.one: no column rol; there are"):
+        check_columns("s", study(claim("true", one=asked)))
+
+
+def test_the_best_is_marked_where_there_is_a_choice() -> None:
+    """Of each scene and condition, by pq first; a group, and what was not asked, has none."""
+    made = [
+        Row({"scene": scene, "by": by, "roll": roll, "k": k}, dict.fromkeys(GOOD, Estimate(value)),
+            {"asked": asked})
+        for scene, by, roll, k, value, asked in (
+            ("all", None, 0.0, 5, 0.4, 9), ("all", None, 0.0, 6, 0.5, 9), ("all", None, 0.0, 7, 0.5, 9),
+            ("all", None, 0.1, 5, 0.9, 9),
+            ("street", None, 0.0, 5, 0.8, 9), ("street", None, 0.0, 6, 0.7, 9),
+            ("all", "label", 0.0, 5, 1.0, 9), ("all", "label", 0.0, 6, 1.0, 9),
+            ("plain", None, 0.0, 5, 0.0, 0), ("plain", None, 0.0, 6, 0.0, 0),
+        )
+    ]  # fmt: skip
+    marked = [index for index, one in enumerate(with_best(made)) if one.keys.get("best")]
+    assert marked == [1, 4]

@@ -7,6 +7,7 @@ import pytest
 
 from gapeval.config import Robot
 from gapeval.errors import ConfigError
+from gapeval.simulate.layouts import ROUGH
 from gapeval.simulate.sensors import SENSORS
 from gapeval.studies.cases import Given, cases_of, plan_runs
 from gapeval.studies.claims import Judged
@@ -173,3 +174,9 @@ def test_claims_of_a_study_that_is_run_again_are_replaced(tmp_path) -> None:
 def test_a_study_of_scenes_alone_cannot_be_run_on_a_log() -> None:
     with pytest.raises(ConfigError, match="study s: makes sense on simulated scenes only; leave --log out"):
         planned(Run(scenes=("plain",), simulated=True), {}, GIVEN)
+
+
+def test_the_usual_roughness_is_the_usual_log() -> None:
+    varied = cases_of(Run(scenes=("plain",), seeds=1, vary={"roughness": [ROUGH]}), None)
+    usual = cases_of(Run(scenes=("plain",), seeds=1), None)
+    assert [case.source for case in varied] == [case.source for case in usual]

@@ -17,6 +17,7 @@ from gapeval.scoring.metrics import METRICS
 from gapeval.studies.cases import plan_runs
 from gapeval.studies.definition import Study
 from gapeval.studies.logs import place
+from gapeval.studies.rows import rows_of
 from gapeval.studies.tally import COLUMN, by_labels, read_tables
 from gapeval.studies.timing import figures_of
 from gapeval.sweep.grid import configurations
@@ -295,9 +296,11 @@ def test_bins_that_see_no_ground_are_not_measured(out, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("by", "value", "group"),
     [
-        ("range", 0.0, 0.0), ("range", 0.999, 0.0), ("range", 1.0, 1.0), ("range", 20.0, 20.0), ("range", 99.0, 20.0),
+        ("range", 0.0, 0.0), ("range", 0.999, 0.0), ("range", 1.0, 1.0), ("range", 20.0, 20.0),
+        ("range", 99.0, 20.0),
         ("width", 0.2, 0.2), ("width", 0.19, 0.0), ("width", 2.0, 2.0), ("width", 7.0, 2.0),
-        ("bearing", 0.0, 0.262), ("bearing", -0.001, -0.262), ("bearing", 3.1, 2.88), ("bearing", -3.1, -2.88),
+        ("bearing", 0.0, 0.262), ("bearing", -0.001, -0.262),
+        ("bearing", 3.1, 2.88), ("bearing", -3.1, -2.88),
     ],
 )  # fmt: skip
 def test_a_group_holds_its_lower_edge(out, by, value, group) -> None:
@@ -306,3 +309,19 @@ def test_a_group_holds_its_lower_edge(out, by, value, group) -> None:
     )
     moved = replace(tables, asked=tables.asked.assign(**{by: value}))
     assert [one for one, _ in by_labels(moved, by)] == [group]
+
+
+@pytest.mark.parametrize(
+    ("figure", "kept"),
+    [
+        ({"of": "gaps_that_no_row_has"}, {"hit_rate", "coverage"}),
+        ({"of": "fp_per_frame", "minus": {"n_o": 0}}, {"fp_per_frame", "hit_rate", "coverage"}),
+        ({"of": "over_area", "weigh": "n_o"}, {"over_area", "hit_rate", "coverage"}),
+    ],
+)
+def test_draws_are_kept_of_what_claims_compare(out, figure, kept) -> None:
+    claim = {"claim": "it", "section": "", "words": "", "figures": {"one": figure}, "holds": "true"}
+    study = Study.model_validate(STUDY | {"claims": [claim], "labels_by": []})
+    planned = plan_runs("mine", study, {}, None)[1]
+    for row in rows_of(planned, study, read_tables(planned, out / "mine" / "false")):
+        assert {name for name, one in row.figures.items() if one.draws is not None} == kept
