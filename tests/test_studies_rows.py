@@ -1,6 +1,7 @@
 """Rows of studies, each figure once more by plain loops over result files and clouds."""
 
 import csv
+import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import yaml
 from command import gapeval
 
 from gapeval.detection.spacing import bin_match
+from gapeval.errors import GapevalError
 from gapeval.frame import Frame
 from gapeval.logs.read import read_frames, read_recording
 from gapeval.scoring.metrics import METRICS
@@ -18,12 +20,13 @@ from gapeval.studies.cases import plan_runs
 from gapeval.studies.definition import Study
 from gapeval.studies.logs import place
 from gapeval.studies.rows import rows_of
+from gapeval.studies.runs import Recordings
 from gapeval.studies.tally import COLUMN, by_labels, read_tables
 from gapeval.studies.timing import figures_of
 from gapeval.sweep.grid import configurations
 
 BYS = ("label", "range", "bearing", "width", "position")
-PLAIN = {"scenes": ["plain"], "seeds": 5, "frames": 1}
+PLAIN = {"scenes": ["plain"], "seeds": 5, "frames": 2}
 STUDY = {
     "title": "Rows",
     "paper": "none",
@@ -33,7 +36,13 @@ STUDY = {
     "runs": [
         {"name": "labelled", "scenes": ["street", "tunnel"], "seeds": 1, "frames": 3},
         {"name": "false", "gaps": True, "conditions": {"kind": "false"}, **PLAIN},
-        {"name": "bins", "kind": "bins", "grid": {"delta_r": [1.05, 1.3]}, **PLAIN},
+        {
+            "name": "bins",
+            "kind": "bins",
+            "grid": {"delta_r": [1.075, 1.3]},
+            "vary": {"roll": [0.0, 0.01]},
+            **PLAIN,
+        },
         {"name": "time", "kind": "time", "conditions": {"kind": "time"}, **PLAIN},
     ],
     "labels_by": list(BYS),
@@ -195,14 +204,20 @@ def drawn(values: np.ndarray, statistic) -> list[float]:
 def test_bins_are_held_against_echoes_log_by_log(out) -> None:
     planned = plan_runs("mine", Study.model_validate(STUDY), {}, None)[2]
     found = rows(out / "mine.csv", by="bins")
-    assert len(found) == 2
-    for row, configuration in zip(found, configurations(planned.config), strict=True):
+    assert len(found) == 4
+    recordings = Recordings(out, {})
+    both = configurations(planned.config)
+    for row, (roll, configuration) in zip(found, itertools.product((0.0, 0.01), both), strict=True):
+        assert float(row["roll"]) == roll
         assert row["configuration"] == configuration.id
         assert float(row["delta_r"]) == configuration.detector.delta_r
         filled, ratio = [], []
         for case in planned.cases:
-            recording = read_recording(place(case, out).log, planned.config.log)
-            matches = [bin_match(frame, configuration) for frame in read_frames(recording, 0, 1)]
+            if dict(case.conditions)["roll"] != roll:
+                continue
+            recording = recordings.of(case, planned.config.log)
+            matches = [bin_match(frame, configuration) for frame in read_frames(recording, 0, 2)]
+            assert len(matches) == 2
             filled.append(np.mean([match.filled for match in matches]))
             ratio.append(np.mean([match.ratio for match in matches]))
         for name, values, statistic in (
@@ -223,9 +238,9 @@ def test_times_are_of_every_frame(out) -> None:
     points = []
     for case in planned.cases:
         recording = read_recording(place(case, out).log, planned.config.log)
-        points += [len(frame.points) for frame in read_frames(recording, 0, 1) if isinstance(frame, Frame)]
+        points += [len(frame.points) for frame in read_frames(recording, 0, 2) if isinstance(frame, Frame)]
     for row in found:
-        assert int(row["frames"]) == len(points) == 5
+        assert int(row["frames"]) == len(points) == 10
         assert float(row["points"]) == np.median(points)
         least, median, p95, most = (float(row[name]) for name in ("least", "median", "p95", "most"))
         assert 0 < least <= median <= p95 <= most
@@ -246,7 +261,7 @@ def test_figures_of_times() -> None:
 
 def test_the_best_of_each_scene_is_marked_once(out) -> None:
     """By pq, then by hit_rate, then by few false gaps; groups, and rows without labels, have none."""
-    whole = rows(out / "mine.csv", by="", kind="")
+    whole = rows(out / "mine.csv", by="", kind="", roll="")
     for scene in ("all", "street", "tunnel"):
         mine = [row for row in whole if row["scene"] == scene]
         best = [row for row in mine if row["best"] == "true"]
@@ -268,7 +283,9 @@ def test_the_best_of_each_scene_is_marked_once(out) -> None:
     strict=True, reason="shares of judged labels go by the number of those that were asked for"
 )
 def test_intervals_of_labels_are_those_of_the_sweep(out) -> None:
-    ours = {(row["scene"], row["configuration"]): row for row in rows(out / "mine.csv", by="", kind="")}
+    ours = {
+        (row["scene"], row["configuration"]): row for row in rows(out / "mine.csv", by="", kind="", roll="")
+    }
     for theirs in rows(out / "mine" / "labelled" / "summary.csv"):
         mine = ours[theirs["log"].partition("-")[0], theirs["configuration"]]
         for name in (f"{metric.name}_{end}" for metric in METRICS for end in ("low", "high")):
@@ -285,7 +302,7 @@ def test_bins_that_see_no_ground_are_not_measured(out, tmp_path) -> None:
     (tmp_path / "bins.yaml").write_text(
         yaml.safe_dump(STUDY | {"grid": {}, "labels_by": [], "runs": [run], "claims": [claim]})
     )
-    home = out / "logs" / "plain-lms151-seed0-frames1"
+    home = out / "logs" / "plain-lms151-seed0-frames2"
     log = ("--log", home / "plain.mcap", "--labels", home / "labels.geojson", "-p", "robot.ground_z=-30")
     result = gapeval("study", tmp_path / "bins.yaml", *log, "-o", tmp_path / "out", "--jobs", 1)
     assert result.status == 0, result.err
@@ -325,3 +342,13 @@ def test_draws_are_kept_of_what_claims_compare(out, figure, kept) -> None:
     planned = plan_runs("mine", study, {}, None)[1]
     for row in rows_of(planned, study, read_tables(planned, out / "mine" / "false")):
         assert {name for name, one in row.figures.items() if one.draws is not None} == kept
+
+
+def test_a_log_that_is_read_otherwise_is_another_recording(out) -> None:
+    planned = plan_runs("mine", Study.model_validate(STUDY), {}, None)[1]
+    recordings, settings = Recordings(out, {}), planned.config.log
+    case = planned.cases[0]
+    assert recordings.of(case, settings).cloud_topic == recordings.of(case, settings).cloud_topic
+    assert len(recordings.opened) == 1
+    with pytest.raises(GapevalError):
+        recordings.of(case, settings.model_copy(update={"cloud_topic": "/another"}))
