@@ -140,7 +140,6 @@ def test_claims_stay_beside_those_of_the_same_inputs_only(tmp_path) -> None:
     of_log = about({}, given, False)
     (tmp_path / "l.geojson").write_bytes(b"m")
     labelled_anew = about({}, given, False)
-    (tmp_path / "a.mcap").write_bytes(b"b")
     (tmp_path / "a.mcap").rename(tmp_path / "b.mcap")
     renamed = about({}, Given(tmp_path / "b.mcap", given.labels), False)
     others = [
