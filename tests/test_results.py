@@ -95,7 +95,7 @@ LABEL_COLUMNS = [
     *("covered_area", "iou", "hit", "gaps"),
     *("near_edge_median", "near_edge_max", "near_edge_rays", "near_edge_missed", "bearing", "width", "area"),
     *("npca_traversable", "npca_length_error", "npca_yaw_error"),
-    *("pca_traversable", "pca_length_error", "pca_yaw_error", "axis_angle"),
+    *("pca_traversable", "pca_length_error", "pca_yaw_error", "axis_angle", "traversable"),
 ]
 
 
@@ -205,6 +205,7 @@ def test_rows_of_labels(tmp_path):
         "pca_length_error": "-0.5",
         "pca_yaw_error": "0.25",
         "axis_angle": "1.5",
+        "traversable": "",
     }
     assert second == shown | dict.fromkeys(LABEL_COLUMNS[8:], "") | {
         "label": "h",

@@ -200,7 +200,6 @@ def test_what_is_undefined_wants_no_interval() -> None:
     assert verdict(claim("f1.low > 0.5", by="scene", f1=F1), *rows).basis == "intervals"
 
 
-@pytest.mark.xfail(strict=True, reason="`late.low` contains `e.low`")
 def test_an_interval_that_no_rule_asks_for_is_not_wanting() -> None:
     asked = claim("late.low > 0.5 and e.value > 0.5", late=F1, e={"of": "pq"})
     assert verdict(asked, row({"f1": Estimate(0.7, 0.6, 0.8), "pq": 0.7})).basis == "intervals"

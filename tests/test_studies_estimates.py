@@ -125,7 +125,6 @@ def test_figures_of_logs_have_an_interval_from_five_on() -> None:
     assert (found.value, found.low, found.high) == pytest.approx((6.2, *np.quantile(each, [0.025, 0.975])))
 
 
-@pytest.mark.xfail(strict=True, reason="frames that were not labelled count as watched")
 def test_no_event_goes_by_what_was_labelled() -> None:
     of = tally({0: 12})
     of.sums[..., COLUMN["false_gaps"]] = 0

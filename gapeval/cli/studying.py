@@ -23,9 +23,10 @@ from gapeval.studies.claims import Judged, check_rules, judge
 from gapeval.studies.columns import check_columns
 from gapeval.studies.definition import NAMES, Study, quickly, read_study
 from gapeval.studies.folder import about, write_claims, write_study
+from gapeval.studies.frames import Tell
 from gapeval.studies.logs import LOGS, make, missing
 from gapeval.studies.rows import Row
-from gapeval.studies.runs import Recordings, Tell, rows_of_run
+from gapeval.studies.runs import Recordings, rows_of_run
 from gapeval.sweep.executor import in_processes, in_this_process, results
 
 if TYPE_CHECKING:

@@ -68,6 +68,7 @@ def meanings() -> dict[str, str]:
         "label": "the label's id",
         "state": "`visible`, `partly`, `shadowed` or `out_of_view`",
         "range": "m, along the ground, from below the sensor to the nearest visible point of the label",
+        "traversable": "the label's own: whether it can be crossed",
         "length": "m, the label's own",
         "visible_area": "m2",
         "covered_area": "m2, covered by gaps",

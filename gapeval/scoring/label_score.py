@@ -17,7 +17,7 @@ class LabelScore:
     """One label in one frame under one configuration: a row of labels.csv. SI units.
 
     covered_area to near_edge_missed: None where it was not asked for. From npca_traversable on: of the gap
-    that overlaps it best, if it was hit.
+    that overlaps it best, if it was hit; traversable: the label's own.
     """
 
     label: str
@@ -43,6 +43,7 @@ class LabelScore:
     pca_length_error: float | None = None
     pca_yaw_error: float | None = None
     axis_angle: float | None = None
+    traversable: bool | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,6 +107,7 @@ def _not_asked(of: PlacedLabel) -> LabelScore:
         bearing=of.bearing,
         width=width(of.label),
         area=of.area,
+        traversable=of.label.traversable,
     )
 
 
@@ -146,6 +148,7 @@ def _asked(
         pca_length_error=_known(crossing["pca_length_error"]),
         pca_yaw_error=_known(crossing["pca_yaw_error"]),
         axis_angle=_known(crossing["axis_angle"]),
+        traversable=of.label.traversable,
     )
 
 

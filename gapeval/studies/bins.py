@@ -1,6 +1,6 @@
 """How radial bins match the spacing of echoes (Section 4.2.1, Fig. 9): on ground without gaps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,11 +8,12 @@ from gapeval.config import Configuration
 from gapeval.detection import pole
 from gapeval.detection.spacing import bin_match
 from gapeval.frame import FloatArray, Frame, robot_plane
-from gapeval.logs.read import Recording, read_frames
+from gapeval.logs.read import Recording
 from gapeval.simulate.rings import ring_growth
 from gapeval.simulate.sensors import SENSORS
 from gapeval.studies.cases import Given, Planned
 from gapeval.studies.estimates import Estimate, of_logs
+from gapeval.studies.frames import Advance, Tell, usable_frames
 from gapeval.studies.rows import Row, about_configuration, conditions_of
 from gapeval.sweep.grid import configurations
 from gapeval.visibility import domain, lowest_ray
@@ -20,7 +21,7 @@ from gapeval.visibility import domain, lowest_ray
 BINS = "bins"  # what these rows are told by
 
 
-def bin_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[int], object]) -> list[Row]:
+def bin_rows(planned: Planned, opened: Sequence[Recording], advance: Advance, tell: Tell) -> list[Row]:
     """For all scenes together, under each combination of conditions: a row for each configuration.
 
     bin_ratio: a row's width to the distance of echoes there; bin_mismatch: |log2| of it; bin_filled: share of
@@ -31,7 +32,7 @@ def bin_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[i
     rings = Estimate(_ring_growth(planned))
     rows = []
     for keys, cases in conditions_of(planned, by_scene=False):
-        measured = np.array([_measured(opened[case], found, advance) for case in cases.tolist()])
+        measured = np.array([_measured(opened[case], found, advance, tell) for case in cases.tolist()])
         for index, configuration in enumerate(found):
             filled, ratio, seen = measured[:, index].T
             figures = {
@@ -47,27 +48,30 @@ def bin_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[i
 
 
 def _measured(
-    recording: Recording, found: Sequence[Configuration], advance: Callable[[int], object]
+    recording: Recording, found: Sequence[Configuration], advance: Advance, tell: Tell
 ) -> FloatArray:
-    """Share of cells filled, ratio of bins, share of the box seen: means over the frames of a log, (C, 3)."""
+    """Share of cells filled, ratio of bins, share of the box seen: means over the frames of a log, (C, 3).
+
+    Frames of which one is not known are left out of it; NaN where all are.
+    """
     each = []
-    for frame in read_frames(recording, 0, len(recording.scans)):
-        if isinstance(frame, Frame):
-            matches = [bin_match(frame, configuration) for configuration in found]
-            seen = [box_seen(frame, configuration) for configuration in found]
-            each.append(
-                [(match.filled, match.ratio, share) for match, share in zip(matches, seen, strict=True)]
-            )
-        advance(1)
-    return np.asarray(np.mean(np.array(each).reshape(-1, len(found), 3), axis=0))
+    for frame in usable_frames(recording, advance, tell):
+        matches = [bin_match(frame, configuration) for configuration in found]
+        seen = [box_seen(frame, configuration) for configuration in found]
+        each.append([(match.filled, match.ratio, share) for match, share in zip(matches, seen, strict=True)])
+    values = np.array(each, dtype=np.float64).reshape(-1, len(found), 3)
+    known = np.isfinite(values)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(known, values, 0.0).sum(axis=0) / known.sum(axis=0))
 
 
 def box_seen(frame: Frame, configuration: Configuration) -> float:
     """Share of the sensory box's ground that is neither below the lowest ray nor out of the field of view."""
     params, sensor = configuration.detector, configuration.sensor
     box = params.x_min, params.r_max, pole(frame, params.origin), robot_plane(configuration.robot.ground_z)
-    seen = domain(*box, frame.sensor, lowest_ray(sensor, frame), sensor.fov)
-    return float(seen.area / domain(*box, frame.sensor, -np.pi / 2, None).area)
+    whole = domain(*box, frame.sensor, -np.pi / 2, None).area
+    seen = domain(*box, frame.sensor, lowest_ray(sensor, frame), sensor.fov).area
+    return float(seen / whole) if whole else np.nan
 
 
 def _ring_growth(planned: Planned) -> float | None:

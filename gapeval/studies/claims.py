@@ -1,5 +1,6 @@
 """What the paper claims, held against rows: figures picked by the study's YAML, verdicts by its rules."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -119,8 +120,8 @@ def _judge(name: str, claim: Claim, rows: Sequence[Row]) -> Judged:
 
 def asked_by(claim: Claim, found: Mapping[str, Estimate]) -> list[Estimate]:
     """The figures of whose interval a rule asks an end."""
-    rules = claim.holds + " " + claim.partly
-    return [one for key, one in found.items() if f"{key}.low" in rules or f"{key}.high" in rules]
+    rules = f"{claim.holds} {claim.partly}"
+    return [one for key, one in found.items() if re.search(rf"\b{re.escape(key)}\.(low|high)\b", rules)]
 
 
 def _evaluated(figure: Figure, where: Where, rows: Sequence[Row], what: str) -> Estimate:

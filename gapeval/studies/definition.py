@@ -30,6 +30,7 @@ Value = bool | int | float | str
 Where = dict[str, Value]
 By = Literal["label", "range", "bearing", "width", "position"]
 
+WITHOUT_GAPS = {"plain", "slope"}
 OF_SCENES = ("roughness", "slope", "obstacles", "density")  # conditions that a simulated log is made with
 OF_POSES = ("roll", "pitch", "height")  # errors of robot<-cloud, with which any log is read
 OF_NOISE = ("tilt_noise", "height_noise")  # standard deviations of such errors, drawn cloud by cloud
@@ -181,6 +182,11 @@ def _check(study: Study, path: Path) -> None:
             for one in chosen:
                 if one not in there:
                     raise ConfigError(f"{where}: {one}: no such {what}; there are {', '.join(sorted(there))}")
+        if run.gaps and not (run.simulated and {*run.scenes, *(run.quick.scenes or ())} <= WITHOUT_GAPS):
+            raise ConfigError(
+                f"{where}: gaps: all gaps count as false there; set `simulated: true`, and only scenes "
+                f"without gaps: {', '.join(sorted(WITHOUT_GAPS))}"
+            )
         for varied in (run.vary, run.quick.vary):
             for condition, values in varied.items():
                 if not values:

@@ -1,5 +1,6 @@
 """Figures with their intervals, and the draws behind them, so that differences can be taken pairwise."""
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +22,7 @@ from gapeval.scoring.intervals import (
     log_draws,
     needed,
 )
-from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, figure
+from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS, figure
 from gapeval.studies.tally import COLUMN, Tally
 
 
@@ -40,21 +41,22 @@ NOTHING = Estimate(None)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Draws:
-    """Of whole logs where there are enough of them, else of blocks of time.
+    """Of whole logs where enough of them were scored, else of blocks of time.
 
-    weights: (B, F), how often each frame counts in each draw. number: of logs or blocks; least: as many as it
-    takes for an interval.
+    weights: (B, F), how often each frame counts in each draw. number: of logs or blocks; scored: of those
+    with a frame that was labelled; least: as many as it takes for an interval.
     """
 
     weights: FloatArray
     number: int
+    scored: int
     least: int
 
 
 def estimates(
     tally: Tally, scoring: Scoring, wanted: Collection[str]
 ) -> Iterator[tuple[dict[str, Estimate], dict[str, int]]]:
-    """Of each configuration: every metric, over all frames together, and the counts behind them.
+    """Of each configuration: the metrics that are known, over all frames, and the counts behind them.
 
     wanted: metrics whose draws are kept. Draws depend on the logs alone: equal logs under other conditions
     are drawn alike.
@@ -64,40 +66,55 @@ def estimates(
     here = dict(zip(SUMS, totals.T, strict=True))
     anew = {name: draws.weights @ tally.sums[..., COLUMN[name]] for name in needed(METRICS)}
     labels = len(frozenset[str]().union(*tally.labels))
-    things: dict[str, Things] = {"labels": labels, "judged": labels, "blocks": draws.number}
+    judged = Counter(place for place, _ in frozenset[tuple[int, str]]().union(*tally.judged))
+    of_judged = np.array([judged[place] for place in range(len(totals))])
     found: list[dict[str, Estimate]] = [{} for _ in totals]
     for metric in METRICS:
+        if not tally.known >= {*metric.above, *metric.below}:
+            continue
         values, each = figure(metric, here), figure(metric, anew)
-        ends = limits(metric, values, each if draws.number >= draws.least else None, things)
+        number = draws.number if set(metric.below) <= set(WITHOUT_LABELS) else draws.scored
+        enough = number >= draws.least
+        things: dict[str, Things] = {"labels": labels, "judged": of_judged, "blocks": number}
+        ends = limits(metric, values, each if enough else None, things)
         for index, (value, low, high) in enumerate(
             zip(values.tolist(), *np.stack(ends).tolist(), strict=True)
         ):
-            kept = each[:, index].copy() if metric.name in wanted and draws.number >= draws.least else None
+            kept = each[:, index].copy() if metric.name in wanted and enough else None
             found[index][metric.name] = Estimate(_known(value), _known(low), _known(high), kept)
     logs = len(set(tally.case.tolist()))
     for index, figures in enumerate(found):
-        yield figures, {"logs": logs} | {name: int(here[name][index]) for name in COUNTS}
+        counts = {name: int(here[name][index]) for name in COUNTS if name in tally.known}
+        yield figures, {"logs": logs} | counts
 
 
 def drawn(tally: Tally, block: float) -> Draws:
     """Whole logs, or blocks of time [s] where there are few."""
     cases = list(dict.fromkeys(tally.case.tolist()))
-    if len(cases) >= LEAST_LOGS:
+    scored = len(set(tally.case[tally.scored].tolist()))
+    if scored >= LEAST_LOGS:
         place = np.searchsorted(cases, tally.case)
-        return Draws(log_draws(len(cases), SEED)[:, place].astype(np.float64), len(cases), LEAST_LOGS)
-    parts, number = [], 0
+        weights = log_draws(len(cases), SEED)[:, place].astype(np.float64)
+        return Draws(weights, len(cases), scored, LEAST_LOGS)
+    parts, number, scored = [], 0, 0
     for order, case in enumerate(cases):
-        stamps = tally.stamps[tally.case == case]
-        parts.append(block_draws(stamps, block, [SEED, order]))
-        number += len(set(blocks(stamps, block).tolist()))
-    return Draws(np.concatenate(parts, axis=1).astype(np.float64), number, LEAST_BLOCKS)
+        own = tally.case == case
+        parts.append(block_draws(tally.stamps[own], block, [SEED, order]))
+        of_frames = blocks(tally.stamps[own], block)
+        number += len(np.unique(of_frames))
+        scored += len(np.unique(of_frames[tally.scored[own]]))
+    return Draws(np.concatenate(parts, axis=1).astype(np.float64), number, scored, LEAST_BLOCKS)
 
 
 def of_logs(values: FloatArray, statistic: Callable[..., Any]) -> Estimate:
-    """A figure of values (L,), one for each log, drawn anew by logs where there are enough of them."""
-    if len(values) < LEAST_LOGS:
-        return Estimate(_known(float(statistic(values))))
-    return of_frames(values, statistic)
+    """A figure of values (L,), one for each log, drawn anew by logs where there are enough of them.
+
+    Logs of which it is not known (NaN) are left out.
+    """
+    known = values[np.isfinite(values)]
+    if len(known) == 0:
+        return NOTHING
+    return of_frames(known, statistic) if len(known) >= LEAST_LOGS else Estimate(float(statistic(known)))
 
 
 def of_frames(values: FloatArray, statistic: Callable[..., Any]) -> Estimate:

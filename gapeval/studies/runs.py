@@ -1,6 +1,6 @@
 """The runs of a study over their logs: swept, timed, or their bins measured."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,14 +15,12 @@ from gapeval.results.parts import locked
 from gapeval.studies.bins import bin_rows
 from gapeval.studies.cases import Case, Planned
 from gapeval.studies.definition import Study
+from gapeval.studies.frames import Advance, Tell
 from gapeval.studies.logs import place
 from gapeval.studies.rows import Row, rows_of
 from gapeval.studies.tally import read_tables
 from gapeval.studies.timing import time_rows
 from gapeval.sweep.executor import in_processes, in_this_process
-
-Advance = Callable[[int], object]
-Tell = Callable[[Recording, Mapping[str, int]], object]  # what was refused of a log, with reasons
 
 
 @dataclass(slots=True)
@@ -55,9 +53,9 @@ def rows_of_run(
     """
     opened = [recordings.of(case, planned.config.log) for case in planned.cases]
     if planned.run.kind == "time":
-        return time_rows(planned, opened, advance)
+        return time_rows(planned, opened, advance, tell)
     if planned.run.kind == "bins":
-        return bin_rows(planned, opened, advance)
+        return bin_rows(planned, opened, advance, tell)
     done = sweep(planned, opened, recordings.folder, folder / planned.run.name, jobs, advance)
     for recording, entry in zip(opened, done.logs, strict=True):
         tell(recording, entry["refused"])

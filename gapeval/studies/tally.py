@@ -1,6 +1,6 @@
 """What every frame of a run added to the sums, read back from its result files."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,17 +27,37 @@ class Tally:
     """Sums of frames (F) under configurations (C), and whose they are.
 
     sums: (F, C, len(SUMS)). case: (F,), place among the run's cases. stamps: (F,) [ns]. labels: (F,), of each
-    frame the ids of the labels that were asked for.
+    frame the labels that were asked for. judged: (F,), of each frame, by place of the configuration, those
+    that were hit and say whether they can be crossed. watched: (F,), which frames were scored; None: those
+    that the sums say. known: the sums that it holds; all others are not 0, but not known.
     """
 
     sums: FloatArray
     case: IndexArray
     stamps: NDArray[np.int64]
     labels: tuple[frozenset[str], ...]
+    judged: tuple[frozenset[tuple[int, str]], ...] = ()
+    watched: NDArray[np.bool_] | None = None
+    known: frozenset[str] = frozenset(SUMS)
 
     def of(self, chosen: NDArray[np.bool_]) -> "Tally":
-        labels = tuple(ids for ids, is_chosen in zip(self.labels, chosen, strict=True) if is_chosen)
-        return Tally(self.sums[chosen], self.case[chosen], self.stamps[chosen], labels)
+        frames = np.flatnonzero(chosen).tolist()
+        return replace(
+            self,
+            sums=self.sums[chosen],
+            case=self.case[chosen],
+            stamps=self.stamps[chosen],
+            labels=tuple(self.labels[frame] for frame in frames),
+            judged=tuple(self.judged[frame] for frame in frames) if self.judged else (),
+            watched=None if self.watched is None else self.watched[chosen],
+        )
+
+    @property
+    def scored(self) -> NDArray[np.bool_]:
+        """Which frames were labelled, (F,)."""
+        if self.watched is not None:
+            return self.watched
+        return np.asarray(self.sums[..., COLUMN["scored_frames"]].any(axis=1), dtype=np.bool_)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,16 +89,21 @@ def read_tables(planned: Planned, folder: Path) -> Tables:
     asked = _placed(read(folder / "labels.csv"), place, ids)
     asked = asked[asked["hit"].notna()]
     labels: list[set[str]] = [set() for _ in place]
-    first = asked[asked["column"] == 0]
-    for frame, name in zip(first["frame"], first["label"], strict=True):
-        labels[frame].add(f"{case[frame]} {name}")
+    judged: list[set[tuple[int, str]]] = [set() for _ in place]
+    is_judged = _is_true(asked["hit"]) & asked["traversable"].notna().to_numpy()
+    each = zip(asked["frame"], asked["column"], asked["label"], is_judged.tolist(), strict=True)
+    for frame, column, name, has_verdict in each:
+        key = f"{case[frame]} {name}"
+        labels[frame].add(key)
+        if has_verdict:
+            judged[frame].add((column, key))
     gaps = folder / "gaps.csv"
     position = np.array(of_frames.groupby("log", sort=False).cumcount(), dtype=np.intp)
     return Tables(
         frames,
         asked,
         _placed(read(gaps), place, ids) if gaps.exists() else None,
-        Tally(sums, case, stamps, tuple(map(frozenset, labels))),
+        Tally(sums, case, stamps, tuple(map(frozenset, labels)), tuple(map(frozenset, judged))),
         position,
     )
 
@@ -125,7 +150,7 @@ def _label_sums(asked: pd.DataFrame) -> dict[str, NDArray[Any]]:
     def of(name: str) -> NDArray[np.float64]:
         return np.asarray(asked[name].fillna(0.0), dtype=np.float64)
 
-    hit = (asked["hit"].astype(str).str.lower() == "true").to_numpy(dtype=np.float64)
+    hit = _is_true(asked["hit"]).astype(np.float64)
     found = {
         "asked": np.ones(len(asked)),
         "hits": hit,
@@ -160,13 +185,18 @@ def by_gap_range(tables: Tables) -> list[tuple[Any, Tally]]:
         "false_gaps": np.ones(len(gaps)),
         "over_area_sum": gaps["area"].to_numpy(dtype=np.float64),
     }
+    watched = ("frames", "scored_frames")
     found = []
     for ring, tally in _grouped(tables.whole, gaps, group, added):
         sums = tally.sums.copy()
-        for name in ("frames", "scored_frames"):
+        for name in watched:
             sums[..., COLUMN[name]] = tables.whole.sums[..., COLUMN[name]]
-        found.append((ring, Tally(sums, tally.case, tally.stamps, tally.labels)))
+        found.append((ring, replace(tally, sums=sums, known=tally.known | set(watched))))
     return found
+
+
+def _is_true(column: "pd.Series[Any]") -> NDArray[np.bool_]:
+    return np.asarray(column.astype(str).str.lower() == "true", dtype=np.bool_)
 
 
 def _grouped(
@@ -184,7 +214,19 @@ def _grouped(
         if "label" in rows:
             for index, name in zip(frame[mine], rows["label"].to_numpy()[mine], strict=True):
                 labels[index].add(f"{whole.case[index]} {name}")
-        found.append((one, Tally(sums, whole.case, whole.stamps, tuple(map(frozenset, labels)))))
+        found.append(
+            (
+                one,
+                Tally(
+                    sums,
+                    whole.case,
+                    whole.stamps,
+                    tuple(map(frozenset, labels)),
+                    watched=whole.scored,
+                    known=frozenset(added),
+                ),
+            )
+        )
     return found
 
 

@@ -1,14 +1,15 @@
 """How long a configuration alone takes (Section 4.8): one thread, one frame at a time, nothing shared."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from gapeval.config import Configuration
 from gapeval.frame import FloatArray, Frame
-from gapeval.logs.read import Recording, read_frames
+from gapeval.logs.read import Recording
 from gapeval.studies.cases import Planned
 from gapeval.studies.estimates import Estimate, of_frames
+from gapeval.studies.frames import Advance, Tell, usable_frames
 from gapeval.studies.rows import Row, about_configuration, conditions_of
 from gapeval.sweep.alone import seconds_alone
 from gapeval.sweep.executor import one_thread
@@ -17,7 +18,7 @@ from gapeval.sweep.grid import configurations
 REPEATS = 3  # of which the first, that fills caches, does not count
 
 
-def time_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[int], object]) -> list[Row]:
+def time_rows(planned: Planned, opened: Sequence[Recording], advance: Advance, tell: Tell) -> list[Row]:
     """For all scenes together, under each combination of conditions: a row for each configuration [s]."""
     one_thread()
     found = configurations(planned.config)
@@ -26,13 +27,13 @@ def time_rows(planned: Planned, opened: Sequence[Recording], advance: Callable[[
         taken: list[list[float]] = []
         points: list[int] = []
         for case in cases.tolist():
-            for frame in read_frames(opened[case], 0, len(opened[case].scans)):
-                if isinstance(frame, Frame):
-                    points.append(len(frame.points))
-                    taken.append([alone(frame, configuration) for configuration in found])
-                advance(1)
+            for frame in usable_frames(opened[case], advance, tell):
+                points.append(len(frame.points))
+                taken.append([alone(frame, configuration) for configuration in found])
+        if not taken:
+            continue
         seconds = np.array(taken).reshape(len(taken), len(found))
-        number = float(np.median(points)) if points else None
+        number = float(np.median(points))
         for index, configuration in enumerate(found):
             figures = {"points": Estimate(number), **figures_of(seconds[:, index])}
             rows.append(
