@@ -10,7 +10,7 @@ from gapeval.frame import FloatArray
 from gapeval.report.curves.style import INK, SOFT
 
 SIZE = 8.5  # points, of letters
-LETTER, LINE = 0.62 * SIZE, 1.25 * SIZE  # points, that a letter takes
+LETTER, LINE = 0.68 * SIZE, 1.3 * SIZE  # points, that a letter takes
 AWAY = (8.0, 16.0, 26.0, 38.0, 52.0, 68.0, 86.0)  # points, from a place to the words
 WAYS = 16
 CLEAR = 7.0  # points around a place, that are its marker's
