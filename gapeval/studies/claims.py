@@ -72,50 +72,67 @@ def check_rules(name: str, study: Study) -> None:
                 )
 
 
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What was found for one value of a claim's `by`, or for all. sure: no interval was wanting."""
+
+    group: Value | None
+    verdict: str
+    measured: str
+    sure: bool = True
+
+
 def _judge(name: str, claim: Claim, rows: Sequence[Row]) -> Judged:
-    groups: list[Value | None] = [None]
-    if claim.by:
-        wanted = {key: value for key, value in claim.where.items() if key != claim.by}
-        of = [row.keys.get(claim.by) for row in rows if fits(row, wanted, claim.by)]
-        asked = claim.among or dict.fromkeys(of)
-        groups = [one for one in asked if one is not None and one != ALL]
-    measured, verdicts, sure = [], {}, True
-    for group in groups:
-        where = claim.where if group is None else claim.where | {claim.by: group}
-        try:
-            found = {
-                key: _evaluated(figure, where, rows, f"study {name}: claims.{claim.claim}.{key}")
-                for key, figure in claim.figures.items()
-            }
-            verdicts[group] = _verdict(name, claim, found)
-            text = ", ".join(f"{key} {shown(one)}" for key, one in found.items())
-            sure &= all(one.value is None or one.low is not None for one in asked_by(claim, found))
-        except NoRowError as error:
-            verdicts[group] = NOT_MEASURED
-            text = str(error)
-        measured.append(text if group is None else f"{claim.by} {written(group)}: {text}")
-    verdict = overall(list(verdicts.values()))
-    conditions = ""
-    if claim.by:
-        conditions = "; ".join(
-            f"{kind}: {claim.by} {', '.join(written(group) for group in of)}"
-            for kind in (HOLDS, PARTLY, DOES_NOT, NOT_MEASURED)
-            if (of := [group for group, one in verdicts.items() if one == kind])
-        )
-    rule = claim.holds + (f"; partly: {claim.partly}" if claim.partly else "")
-    fixed = ", ".join(f"{key} {written(value)}" for key, value in claim.where.items() if value != "")
+    answers = [_answer(name, claim, group, rows) for group in _groups(claim, rows)]
+    verdict = overall([answer.verdict for answer in answers])
+    basis = BY_INTERVALS if all(answer.sure for answer in answers) else BY_VALUES
     return Judged(
-        name,
-        claim.claim,
-        claim.section,
-        claim.words,
-        "; ".join(measured),
-        verdict,
-        "" if verdict == NOT_MEASURED else BY_INTERVALS if sure else BY_VALUES,
-        "; ".join(filter(None, (fixed, conditions))),
-        rule,
-        f"{name}.csv: " + "; ".join(f"{key}: {_source(one)}" for key, one in claim.figures.items()),
+        study=name,
+        claim=claim.claim,
+        section=claim.section,
+        words=claim.words,
+        measured="; ".join(answer.measured for answer in answers),
+        verdict=verdict,
+        basis="" if verdict == NOT_MEASURED else basis,
+        conditions=_conditions(claim, answers),
+        rule=claim.holds + (f"; partly: {claim.partly}" if claim.partly else ""),
+        source=f"{name}.csv: " + "; ".join(f"{key}: {_source(one)}" for key, one in claim.figures.items()),
     )
+
+
+def _groups(claim: Claim, rows: Sequence[Row]) -> list[Value | None]:
+    """The values of `by` for which the rule is asked; only None where there is no `by`."""
+    if not claim.by:
+        return [None]
+    wanted = {key: value for key, value in claim.where.items() if key != claim.by}
+    there = [row.keys.get(claim.by) for row in rows if fits(row, wanted, claim.by)]
+    return [one for one in claim.among or dict.fromkeys(there) if one is not None and one != ALL]
+
+
+def _answer(name: str, claim: Claim, group: Value | None, rows: Sequence[Row]) -> Answer:
+    where = claim.where if group is None else claim.where | {claim.by: group}
+    about = "" if group is None else f"{claim.by} {written(group)}: "
+    try:
+        found = {
+            key: _evaluated(figure, where, rows, f"study {name}: claims.{claim.claim}.{key}")
+            for key, figure in claim.figures.items()
+        }
+    except NoRowError as error:
+        return Answer(group, NOT_MEASURED, f"{about}{error}")
+    text = ", ".join(f"{key} {shown(one)}" for key, one in found.items())
+    sure = all(one.value is None or one.low is not None for one in asked_by(claim, found))
+    return Answer(group, _verdict(name, claim, found), about + text, sure)
+
+
+def _conditions(claim: Claim, answers: Sequence[Answer]) -> str:
+    """What is fixed, and for which values of `by` the claim holds and does not."""
+    parts = [f"{key} {written(value)}" for key, value in claim.where.items() if value != ""]
+    found = [", ".join(parts)]
+    for kind in (HOLDS, PARTLY, DOES_NOT, NOT_MEASURED):
+        groups = [answer.group for answer in answers if answer.verdict == kind]
+        if claim.by and groups:
+            found.append(f"{kind}: {claim.by} {', '.join(map(written, groups))}")
+    return "; ".join(filter(None, found))
 
 
 def asked_by(claim: Claim, found: Mapping[str, Estimate]) -> list[Estimate]:
