@@ -5,10 +5,12 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import yaml
 from command import gapeval
+from small_logs import cloud, drive_with, labels, stamps
 
 from gapeval.studies.cases import plan_runs
 from gapeval.studies.claims import check_rules
@@ -273,3 +275,18 @@ def test_intervals_are_those_of_the_sweep_itself(tmp_path, seeds, frames, log) -
                     assert value == theirs[name], name
                     compared += value != ""
     assert compared >= 8
+
+
+@pytest.mark.parametrize("kind", ["sweep", "bins", "time"])
+def test_unusable_clouds_of_a_log_are_told_once(tmp_path, kind) -> None:
+    good, lost = [(stamp, cloud(index)) for index, stamp in enumerate(stamps(4))], np.full((50, 3), np.nan)
+    log = drive_with(tmp_path / "drive.mcap", [*good, (stamps(6)[4], lost), (stamps(6)[5], lost)])
+    path = tmp_path / "mine.yaml"
+    runs = [{"name": "one", "kind": kind, "scenes": ["plain"]}, {"name": "two", "scenes": ["plain"]}]
+    path.write_text(yaml.safe_dump(PLAIN | {"runs": runs, "labels_by": [], "claims": []}))
+    given = ("--log", log, "--labels", labels(tmp_path / "gaps.geojson"), "--jobs", 1)
+    result = gapeval("study", path, *given, "-o", tmp_path / "out")
+    assert result.status == 0, result.err
+    assert result.err.count(f"{log}: refused 2: ") == 1
+    if kind == "sweep":
+        assert {row["frames"] for row in rows(tmp_path / "out" / "mine.csv")} == {"4"}
