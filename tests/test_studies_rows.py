@@ -47,8 +47,8 @@ STUDY = {
     ],
     "labels_by": list(BYS),
 }
-RANGES = [0, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15, 20]
-WIDTHS = [0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1, 1.5, 2]
+RANGES = [0, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 15, 20, 30, 50]
+WIDTHS = [0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1, 1.5, 2, 3]
 OF_GAPS = ("recall", "over_coverage")  # follow from gaps or matches, of which labels.csv does not tell
 Rows = list[dict[str, str]]
 
@@ -309,8 +309,8 @@ def test_bins_that_see_no_ground_are_not_measured(out, tmp_path) -> None:
     ("by", "value", "group"),
     [
         ("range", 0.0, 0.0), ("range", 0.999, 0.0), ("range", 1.0, 1.0), ("range", 20.0, 20.0),
-        ("range", 99.0, 20.0),
-        ("width", 0.2, 0.2), ("width", 0.19, 0.0), ("width", 2.0, 2.0), ("width", 7.0, 2.0),
+        ("range", 99.0, 50.0),
+        ("width", 0.2, 0.2), ("width", 0.19, 0.0), ("width", 2.0, 2.0), ("width", 7.0, 3.0),
         ("bearing", 0.0, 0.262), ("bearing", -0.001, -0.262),
         ("bearing", 3.1, 2.88), ("bearing", -3.1, -2.88),
     ],

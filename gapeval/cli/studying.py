@@ -27,7 +27,7 @@ from gapeval.studies.frames import Tell
 from gapeval.studies.logs import LOGS, make, missing
 from gapeval.studies.rows import Row
 from gapeval.studies.runs import Recordings, rows_of_run
-from gapeval.sweep.executor import in_processes, in_this_process, results
+from gapeval.sweep.executor import on_this_machine, results
 
 if TYPE_CHECKING:
     from tqdm import tqdm
@@ -175,18 +175,12 @@ def _simulate(lacking: Sequence[Recipe], output: Path, jobs: int, bar: "tqdm[Any
     if not has_embree():
         say("embreex is not installed here: casting rays by trimesh alone, which takes minutes per cloud")
     bar.set_description("simulate")
-    workers = (in_processes if min(jobs, len(lacking)) > 1 else _alone)(
-        _make, output, min(jobs, len(lacking))
-    )
+    workers = on_this_machine(_make, output, min(jobs, len(lacking)))
     with closing(results(workers, lacking)) as finished:
         for one in finished:
             if one.error is not None:
                 raise one.error
             bar.update(_frames(one.unit))
-
-
-def _alone(work: Any, task: Any, _: int) -> Any:
-    return in_this_process(work, task)
 
 
 def _make(output: Path, recipe: Recipe, stopped: Callable[[], bool]) -> bytes:

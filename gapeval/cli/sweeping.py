@@ -29,7 +29,7 @@ from gapeval.results.from_sweep import (
 from gapeval.results.part import make_part
 from gapeval.results.parts import Input, Order, locked, read_order
 from gapeval.sweep.cluster import connected, on_cluster, scheduler_address
-from gapeval.sweep.executor import Finished, Workers, in_processes, in_this_process
+from gapeval.sweep.executor import Finished, Workers, on_this_machine
 from gapeval.sweep.grid import configurations
 from gapeval.sweep.units import Unit
 
@@ -155,7 +155,7 @@ def _workers(begun: Begun, way: Way) -> Iterator[Workers[Unit]]:
         with connected(way.executor) as client:
             yield on_cluster(client, way.executor, make_part, task)
     else:
-        yield in_processes(make_part, task, jobs) if jobs > 1 else in_this_process(make_part, task)
+        yield on_this_machine(make_part, task, jobs)
 
 
 def _told(failed: Sequence[Finished[Unit]], begun: Begun) -> str:

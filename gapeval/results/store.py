@@ -3,7 +3,7 @@
 import csv
 import json
 from array import array
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,6 +35,11 @@ BEST = (
     ("npca_accuracy", -1),
 )
 MANIFEST = "manifest.json"
+
+
+def badness(figure: Callable[[str], float | None]) -> tuple[float, ...]:
+    """What configurations are sorted by, best first. figure: a metric of one, by name."""
+    return tuple(sign * (figure(name) or 0.0) for name, sign in BEST)
 
 
 @dataclass(slots=True)
@@ -152,12 +157,7 @@ class Store:
         Empty where no label was asked for.
         """
         scored = [point for point in self.points if self.sums(point, log).get("asked")]
-
-        def goodness(point: Point) -> tuple[float, ...]:
-            found = figures(self.sums(point, log))
-            return tuple(sign * (found[name] or 0.0) for name, sign in BEST)
-
-        return sorted(scored, key=goodness)
+        return sorted(scored, key=lambda point: badness(figures(self.sums(point, log)).get))
 
     @property
     def names(self) -> tuple[str, ...]:

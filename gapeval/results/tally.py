@@ -7,45 +7,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.frame import FloatArray
-from gapeval.ragged import IndexArray
 from gapeval.results.hits import Approaches, FirstHits, HitCounts, Hits
 from gapeval.results.replicates import Replicates
 from gapeval.scoring.intervals import (
     LEAST_BLOCKS,
     LEAST_LOGS,
-    REPLICATES,
+    Counted,
     Seed,
     Stamps,
-    Things,
     block_draws,
     blocks,
-    limits,
+    figure_with_limits,
     log_draws,
 )
-from gapeval.scoring.metrics import METRICS, SUMS, WITHOUT_LABELS, figure
+from gapeval.scoring.metrics import METRICS, SUMS
 from gapeval.scoring.scene import AskedLabel
 
 SEED = 2013  # of what is drawn for intervals: fixed, so that the same input gives the same bytes
 SCORED = tuple(SUMS).index("scored_frames")
-
-
-@dataclass(slots=True, eq=False)
-class Counted:
-    """Independent things behind figures. labels: distinct ones that were asked for; judged: (C,) of them.
-
-    blocks, scored_blocks: of time, in which a frame was evaluated, or scored.
-    """
-
-    judged: IndexArray
-    labels: int = 0
-    blocks: int = 0
-    scored_blocks: int = 0
-
-    def include(self, other: "Counted") -> None:
-        self.judged += other.judged
-        self.labels += other.labels
-        self.blocks += other.blocks
-        self.scored_blocks += other.scored_blocks
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,14 +132,4 @@ def _limits(
 ) -> dict[str, FloatArray]:
     """(2, C) of each metric. drawn: the replicates of a sum, (B, C) or (B, 1)."""
     here = dict(zip(SUMS, sums.T, strict=True))
-    found = {}
-    for metric in METRICS:
-        unlabelled = set(metric.below) <= set(WITHOUT_LABELS)
-        number = counted.blocks if unlabelled else counted.scored_blocks
-        replicates = None
-        if number >= least:
-            each = figure(metric, {name: drawn(name) for name in (*metric.above, *metric.below)})
-            replicates = np.broadcast_to(each, (REPLICATES, len(sums)))
-        things: dict[str, Things] = {"labels": counted.labels, "judged": counted.judged, "blocks": number}
-        found[metric.name] = np.stack(limits(metric, figure(metric, here), replicates, things))
-    return found
+    return {metric.name: figure_with_limits(metric, here, drawn, counted, least)[2] for metric in METRICS}

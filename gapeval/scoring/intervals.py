@@ -3,14 +3,15 @@
 Frames that follow each other see the same ground, so that single frames, drawn anew, would claim too much.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.frame import FloatArray
 from gapeval.ragged import IndexArray
-from gapeval.scoring.metrics import Metric
+from gapeval.scoring.metrics import WITHOUT_LABELS, Metric, figure
 
 REPLICATES = 500
 TAIL = 0.025  # on each side
@@ -125,6 +126,47 @@ def limits(
             np.where(np.isnan(one), other, one) for one, other in zip(exact, (low, high), strict=True)
         )
     return low, high
+
+
+@dataclass(slots=True, eq=False)
+class Counted:
+    """Independent things behind figures. labels: distinct ones that were asked for; judged: (C,) of them.
+
+    blocks, scored_blocks: of time (or logs, where whole ones are drawn), in which a frame was evaluated, or
+    scored.
+    """
+
+    judged: IndexArray
+    labels: int = 0
+    blocks: int = 0
+    scored_blocks: int = 0
+
+    def include(self, other: "Counted") -> None:
+        self.judged += other.judged
+        self.labels += other.labels
+        self.blocks += other.blocks
+        self.scored_blocks += other.scored_blocks
+
+
+def figure_with_limits(
+    metric: Metric,
+    sums: Mapping[str, FloatArray],
+    drawn: Callable[[str], NDArray[np.floating]],
+    counted: Counted,
+    least: int,
+) -> tuple[FloatArray, FloatArray | None, FloatArray]:
+    """A metric (C,), its value in each draw (B, C) where there are enough blocks, and its limits (2, C).
+
+    sums: (C,) of each. drawn: the replicates of a sum, (B, C) or (B, 1). least: as many blocks as it takes.
+    """
+    values = figure(metric, sums)
+    number = counted.blocks if set(metric.below) <= set(WITHOUT_LABELS) else counted.scored_blocks
+    replicates = None
+    if number >= least:
+        each = figure(metric, {name: drawn(name) for name in (*metric.above, *metric.below)})
+        replicates = np.broadcast_to(each, (REPLICATES, len(values)))
+    things: dict[str, Things] = {"labels": counted.labels, "judged": counted.judged, "blocks": number}
+    return values, replicates, np.stack(limits(metric, values, replicates, things))
 
 
 def needed(metrics: Sequence[Metric]) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """Each label of a frame under each configuration: what labels.csv has of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,15 +68,19 @@ def label_scores(
     places: (C,) of its gaps in the comparison. details: (C, A, len(DETAILS)) of crossings. What is equal is
     the same object.
     """
+    placed = [(label.asked, _placed(label)) for label in scene.labels]
     known: dict[tuple[int, bytes], tuple[LabelScore, ...]] = {}
     keys = [(place, told.tobytes()) for place, told in zip(places, details, strict=True)]
     for key, place, told in zip(keys, places, details, strict=True):
         if key not in known:
-            known[key] = _rows(scene, compared, place, told)
+            known[key] = _rows(placed, compared, place, told)
     return tuple(known[key] for key in keys)
 
 
-def _rows(scene: Scene, compared: LabelComparison, place: int, details: FloatArray) -> tuple[LabelScore, ...]:
+def _rows(
+    placed: Sequence[tuple[bool, LabelScore]], compared: LabelComparison, place: int, details: FloatArray
+) -> tuple[LabelScore, ...]:
+    """placed: whether each label of the frame is asked for, and what is known of it without any gap."""
     edges = compared.edges
     found = zip(
         compared.covered[place].tolist(),
@@ -90,10 +94,10 @@ def _rows(scene: Scene, compared: LabelComparison, place: int, details: FloatArr
         details.tolist(),
         strict=True,
     )
-    return tuple(_asked(of, *next(found)) if of.asked else _not_asked(of) for of in scene.labels)
+    return tuple(_scored(of, *next(found)) if asked else of for asked, of in placed)
 
 
-def _not_asked(of: PlacedLabel) -> LabelScore:
+def _placed(of: PlacedLabel) -> LabelScore:
     return LabelScore(
         label=of.label.id,
         state=of.state,
@@ -111,8 +115,8 @@ def _not_asked(of: PlacedLabel) -> LabelScore:
     )
 
 
-def _asked(
-    of: PlacedLabel,
+def _scored(
+    of: LabelScore,
     covered: float,
     iou: float,
     hit: bool,
@@ -124,12 +128,8 @@ def _asked(
     details: Sequence[float],
 ) -> LabelScore:
     crossing = dict(zip(DETAILS, details, strict=True))
-    return LabelScore(
-        label=of.label.id,
-        state=of.state,
-        range=of.range,
-        length=of.label.length,
-        visible_area=of.visible_area,
+    return replace(
+        of,
         covered_area=covered,
         iou=iou,
         hit=hit,
@@ -138,9 +138,6 @@ def _asked(
         near_edge_max=_known(largest),
         near_edge_rays=rays,
         near_edge_missed=missed,
-        bearing=of.bearing,
-        width=width(of.label),
-        area=of.area,
         npca_traversable=_truth(crossing["npca_traversable"]),
         npca_length_error=_known(crossing["npca_length_error"]),
         npca_yaw_error=_known(crossing["npca_yaw_error"]),
@@ -148,7 +145,6 @@ def _asked(
         pca_length_error=_known(crossing["pca_length_error"]),
         pca_yaw_error=_known(crossing["pca_yaw_error"]),
         axis_angle=_known(crossing["axis_angle"]),
-        traversable=of.label.traversable,
     )
 
 

@@ -78,7 +78,6 @@ class Case:
 class Planned:
     """A run, settled: its effective configuration and its logs. columns: its conditions' names."""
 
-    study: str
     run: Run
     config: Config
     cases: tuple[Case, ...]
@@ -91,7 +90,7 @@ def plan_runs(name: str, study: Study, user: Mapping[str, Any], given: Given | N
     Raises ConfigError for one of which no run can be done, or whose grid cannot be.
     """
     runs = tuple(
-        Planned(name, run, config_of(name, study, run, user, given), cases_of(run, given), columns_of(study))
+        Planned(run, config_of(name, study, run, user, given), cases_of(run, given), columns_of(study))
         for run in study.runs
         if given is None or not run.simulated
     )

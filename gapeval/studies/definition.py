@@ -14,17 +14,18 @@ from gapeval.simulate.sensors import SENSORS
 
 # In the order in which they are run: timing at the end, after all that keeps cores busy.
 NAMES = (
-    *(
-        "delta_r",
-        "resolution",
-        "morphology",
-        "plane_threshold",
-        "values",
-        "occlusion",
-        "pose_error",
-        "radius",
-    ),
-    *("crossing", "sensors", "deviations", "timing"),
+    "delta_r",
+    "resolution",
+    "morphology",
+    "plane_threshold",
+    "values",
+    "occlusion",
+    "pose_error",
+    "radius",
+    "crossing",
+    "sensors",
+    "deviations",
+    "timing",
 )
 Value = bool | int | float | str
 Where = dict[str, Value]

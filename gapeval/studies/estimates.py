@@ -14,15 +14,15 @@ from gapeval.scoring.intervals import (
     LEAST_BLOCKS,
     LEAST_LOGS,
     REPLICATES,
-    Things,
+    Counted,
     block_draws,
     blocks,
+    figure_with_limits,
     interval,
-    limits,
     log_draws,
     needed,
 )
-from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS, figure
+from gapeval.scoring.metrics import COUNTS, METRICS, SUMS
 from gapeval.studies.tally import COLUMN, Tally
 
 
@@ -65,22 +65,20 @@ def estimates(
     totals = tally.sums.sum(axis=0)
     here = dict(zip(SUMS, totals.T, strict=True))
     anew = {name: draws.weights @ tally.sums[..., COLUMN[name]] for name in needed(METRICS)}
-    labels = len(frozenset[str]().union(*tally.labels))
     judged = Counter(place for place, _ in frozenset[tuple[int, str]]().union(*tally.judged))
-    of_judged = np.array([judged[place] for place in range(len(totals))])
+    counted = Counted(
+        np.array([judged[place] for place in range(len(totals))]),
+        len(frozenset[str]().union(*tally.labels)),
+        draws.number,
+        draws.scored,
+    )
     found: list[dict[str, Estimate]] = [{} for _ in totals]
     for metric in METRICS:
         if not tally.known >= {*metric.above, *metric.below}:
             continue
-        values, each = figure(metric, here), figure(metric, anew)
-        number = draws.number if set(metric.below) <= set(WITHOUT_LABELS) else draws.scored
-        enough = number >= draws.least
-        things: dict[str, Things] = {"labels": labels, "judged": of_judged, "blocks": number}
-        ends = limits(metric, values, each if enough else None, things)
-        for index, (value, low, high) in enumerate(
-            zip(values.tolist(), *np.stack(ends).tolist(), strict=True)
-        ):
-            kept = each[:, index].copy() if metric.name in wanted and enough else None
+        values, each, ends = figure_with_limits(metric, here, anew.__getitem__, counted, draws.least)
+        for index, (value, low, high) in enumerate(zip(values.tolist(), *ends.tolist(), strict=True)):
+            kept = None if each is None or metric.name not in wanted else each[:, index].copy()
             found[index][metric.name] = Estimate(_known(value), _known(low), _known(high), kept)
     logs = len(set(tally.case.tolist()))
     for index, figures in enumerate(found):

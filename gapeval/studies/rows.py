@@ -11,7 +11,7 @@ import numpy as np
 
 from gapeval.config import Configuration
 from gapeval.ragged import IndexArray
-from gapeval.results.store import BEST
+from gapeval.results.store import badness
 from gapeval.results.tables import PARAMETERS, cell, parameters
 from gapeval.studies.cases import Planned
 from gapeval.studies.columns import FIGURES, key_columns, named_by
@@ -92,13 +92,9 @@ def with_best(rows: Sequence[Row]) -> list[Row]:
     marked = list(rows)
     for group in groups.values():
         if len(group) > 1:
-            best = min(group, key=lambda index: _goodness(rows[index]))
+            best = min(group, key=lambda index: badness(lambda name: rows[index].figures[name].value))
             marked[best] = replace(rows[best], keys={**rows[best].keys, "best": True})
     return marked
-
-
-def _goodness(row: Row) -> tuple[float, ...]:
-    return tuple(sign * (row.figures[name].value or 0.0) for name, sign in BEST)
 
 
 def csv_text(rows: Sequence[Row], study: Study) -> str:

@@ -20,7 +20,7 @@ from gapeval.studies.logs import place
 from gapeval.studies.rows import Row, rows_of
 from gapeval.studies.tally import read_tables
 from gapeval.studies.timing import time_rows
-from gapeval.sweep.executor import in_processes, in_this_process
+from gapeval.sweep.executor import on_this_machine
 
 
 @dataclass(slots=True)
@@ -79,7 +79,7 @@ def sweep(
         begun = begin(ready, parts)
         advance(begun.frames_there)
         task, count = begun.sweep.task, min(jobs, len(begun.there.missing))
-        workers = in_processes(make_part, task, count) if count > 1 else in_this_process(make_part, task)
+        workers = on_this_machine(make_part, task, count)
         with closing(evaluate_missing(begun, workers, advance)) as failures:
             failed = list(failures)
         done = write_results(begun, failed, folder)

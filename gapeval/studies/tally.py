@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from gapeval.frame import FloatArray
 from gapeval.ragged import IndexArray
+from gapeval.results.hits import EDGES
 from gapeval.scoring.metrics import SUMS
 from gapeval.studies.cases import Planned
 from gapeval.sweep.grid import configurations
 
 COLUMN = {name: index for index, name in enumerate(SUMS)}
 BEARING = np.pi / 6  # rad, of a group of labels
-RANGES = (0.0, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 15.0, 20.0, np.inf)
-WIDTHS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.5, 2.0, np.inf)
 RING = 1.0  # m, of a group of false gaps
 LETTERS = "abcdefghijklmnopqrstuvwxyz"
 
@@ -67,7 +66,6 @@ class Tables:
     Of its rows, which frame and configuration: `frame`, `column`.
     """
 
-    frames: pd.DataFrame
     asked: pd.DataFrame
     gaps: pd.DataFrame | None
     whole: Tally
@@ -100,7 +98,6 @@ def read_tables(planned: Planned, folder: Path) -> Tables:
     gaps = folder / "gaps.csv"
     position = np.array(of_frames.groupby("log", sort=False).cumcount(), dtype=np.intp)
     return Tables(
-        frames,
         asked,
         _placed(read(gaps), place, ids) if gaps.exists() else None,
         Tally(sums, case, stamps, tuple(map(frozenset, labels)), tuple(map(frozenset, judged))),
@@ -139,7 +136,7 @@ def _label_group(asked: pd.DataFrame, tables: Tables, by: str) -> NDArray[Any]:
     elif by == "label":
         group = asked["label"].to_numpy(dtype=object)
     else:
-        edges = np.array(RANGES if by == "range" else WIDTHS)
+        edges = np.array(EDGES[by])
         group = edges[np.searchsorted(edges, asked[by].to_numpy(dtype=np.float64), side="right") - 1]
     return group
 

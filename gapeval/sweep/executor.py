@@ -115,6 +115,11 @@ def in_this_process(work: Work[T, U], task: T) -> Workers[U]:
     return Workers(begin, 1)
 
 
+def on_this_machine(work: Work[T, U], task: T, jobs: int) -> Workers[U]:
+    """In this process if it is to be one."""
+    return in_processes(work, task, jobs) if jobs > 1 else in_this_process(work, task)
+
+
 def in_processes(work: Work[T, U], task: T, jobs: int) -> Workers[U]:
     """So many processes. When it is left, they end with the frames that they are at."""
 

@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from gapeval.report.sweeps.results import Row, number
 from gapeval.report.text import short
-from gapeval.results.store import BEST
+from gapeval.results.store import badness
 
 NEAR = 0.02  # of pq, that count as equal where it has no interval
 
@@ -35,7 +36,7 @@ def recommend(rows: Sequence[Row]) -> Recommendation | None:
     scored = [row for row in rows if number(row, "pq") is not None]
     if not scored:
         return None
-    best = min(scored, key=_goodness)
+    best = min(scored, key=_badness)
     low = number(best, "pq_low")
     least = (number(best, "pq") or 0.0) - NEAR if low is None else low
     good = [row for row in scored if (number(row, "pq") or 0.0) >= least]
@@ -49,13 +50,13 @@ def _aims(row: Row) -> tuple[float, ...]:
         -(number(row, "hit_rate") or 0.0),
         float("inf") if false is None else false,
         cells,
-        *_goodness(row),
+        *_badness(row),
     )
 
 
-def _goodness(row: Row) -> tuple[float, ...]:
-    """As in the printed table and the column `best`; less is better."""
-    return tuple(sign * (number(row, name) or 0.0) for name, sign in BEST)
+def _badness(row: Row) -> tuple[float, ...]:
+    """As in the printed table and the column `best`."""
+    return badness(partial(number, row))
 
 
 def reason(found: Recommendation, configurations: int) -> str:
