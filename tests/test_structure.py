@@ -12,6 +12,7 @@ FLOORS = [
     "cli",
     "report",
     "studies",
+    "compare",
     "results",
     "sweep",
     "scoring",
