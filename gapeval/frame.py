@@ -94,6 +94,7 @@ class Frame:
     lowest_elevation: lowest ray of the sensor [rad], in the sensor frame; -pi/2 if it sees straight down.
     pose: fixed<-robot; None for a log without any fixed frame.
     dropped: points of the cloud that are left out here, being NaN, infinite or at exactly (0, 0, 0).
+    digest: SHA-256 of what was decoded, where the frame was read from a log.
     """
 
     stamp: int
@@ -102,6 +103,7 @@ class Frame:
     lowest_elevation: float = -np.pi / 2
     pose: Transform | None = None
     dropped: int = 0
+    digest: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)

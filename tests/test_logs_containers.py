@@ -31,7 +31,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from gapeval.config import LogSection
 from gapeval.errors import LogError
 from gapeval.frame import Frame
-from gapeval.logs.read import frame_digest, is_costly_to_open, read_frames, read_recording
+from gapeval.logs.read import is_costly_to_open, read_frames, read_recording
 from gapeval.logs.read.container import Source, in_time_order
 from gapeval.logs.read.opening import open_container
 
@@ -53,7 +53,7 @@ def poses():
 
 def digests(path, settings=None):
     recording = read_recording(path, settings or LogSection())
-    return [frame_digest(frame) for frame in read_frames(recording, 0, recording.matched)]
+    return [frame.digest for frame in read_frames(recording, 0, recording.matched)]
 
 
 @pytest.fixture(scope="module")
@@ -81,8 +81,8 @@ def test_every_container_gives_the_same_frames(tmp_path, clouds, poses, expected
     assert recording.matched == recording.total == COUNT == len(set(expected))
     assert recording.refused == {}
     assert recording.notices == ()
-    assert [frame_digest(f) for f in read_frames(recording, 0, COUNT)] == expected
-    assert [frame_digest(f) for f in read_frames(recording, 3, 5)] == expected[3:5]
+    assert [f.digest for f in read_frames(recording, 0, COUNT)] == expected
+    assert [f.digest for f in read_frames(recording, 3, 5)] == expected[3:5]
     first = min(clouds[0][0], poses[0][0]) + 1_000_000
     if "file" not in container:
         assert recording.start == first
@@ -235,7 +235,7 @@ def test_flipped_bytes_never_give_anything_but_frames_or_one_line(tmp_path, clou
 def digests_or_refusals(path):
     recording = read_recording(path, LogSection(min_matched=0.0))
     items = list(read_frames(recording, 0, recording.matched))
-    return [frame_digest(item) if isinstance(item, Frame) else str(item) for item in items]
+    return [item.digest if isinstance(item, Frame) else str(item) for item in items]
 
 
 @pytest.mark.parametrize("options", [{}, {"use_chunking": False, "enable_data_crcs": True}])
@@ -255,7 +255,7 @@ def test_a_wrong_checksum_of_the_summary_costs_nothing_but_time(tmp_path, clouds
     path.write_bytes(data)
     recording = read_recording(path, LogSection())
     assert recording.notices == ("the summary is damaged (CRC), so the file was read from end to end",)
-    assert [frame_digest(f) for f in read_frames(recording, 0, COUNT)] == expected
+    assert [f.digest for f in read_frames(recording, 0, COUNT)] == expected
 
 
 def test_messages_in_a_write_ahead_log_are_not_lost_silently(tmp_path, clouds, poses, expected):
@@ -303,7 +303,7 @@ def test_a_folder_whose_metadata_is_wrong(tmp_path, clouds, poses, expected):
     metadata.write_text(text.replace(f"message_count: {COUNT}", "message_count: 5"))
     recording = read_recording(path, LogSection())
     assert recording.notices == (f"/points: metadata.yaml says 5 messages, its files hold {COUNT}",)
-    assert [frame_digest(f) for f in read_frames(recording, 0, COUNT)] == expected
+    assert [f.digest for f in read_frames(recording, 0, COUNT)] == expected
     for wrong in ("", "[1, 2", "rosbag2_bagfile_information: {}", "rosbag2_bagfile_information: 3"):
         metadata.write_text(wrong)
         with pytest.raises(LogError, match=r"metadata\.yaml: damaged file .*`ros2 bag reindex log`"):

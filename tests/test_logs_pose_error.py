@@ -16,7 +16,7 @@ from sweeps import bytes_of
 
 from gapeval.config import LogSection, PoseError, PoseNoise
 from gapeval.frame import Frame
-from gapeval.logs.read import describe, frame_digest, read_frames, read_recording
+from gapeval.logs.read import describe, read_frames, read_recording
 from gapeval.logs.read.pose_error import with_errors
 from gapeval.logs.read.transforms import Transforms
 
@@ -101,7 +101,7 @@ def test_only_points_move(path):
             other.dropped,
         )
         assert one.lowest_elevation == other.lowest_elevation
-        assert frame_digest(one) != frame_digest(other)
+        assert one.digest != other.digest
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_an_error_of_zero_is_none(path, nothing):
     assert (wrong.pose_error, wrong.pose_noise) == (None, None)
     for one, other in zip(read_frames(true, 0, 8), read_frames(wrong, 0, 8), strict=True):
         assert one.points.tobytes() == other.points.tobytes()
-        assert frame_digest(one) == frame_digest(other)
+        assert one.digest == other.digest
 
 
 def test_noise_is_the_same_in_any_order_and_any_process(path):
@@ -130,7 +130,7 @@ def test_noise_is_the_same_in_any_order_and_any_process(path):
     for index in (5, 0, 7):
         (alone,) = read_frames(sent, index, index + 1)
         assert isinstance(alone, Frame)
-        assert frame_digest(alone) == frame_digest(every[index])
+        assert alone.digest == every[index].digest
 
 
 @given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=8, unique=True), st.randoms())

@@ -8,7 +8,7 @@ import pytest
 
 from gapeval.config import LogSection
 from gapeval.errors import LogError
-from gapeval.logs.read import describe, frame_digest, read_frames, read_recording
+from gapeval.logs.read import describe, read_frames, read_recording
 from gapeval.logs.read.cloud import cloud_points
 from gapeval.logs.read.container import Topic
 from gapeval.logs.read.message import POINT_CLOUD, decode
@@ -32,7 +32,7 @@ def test_the_mcap_and_the_bag_of_one_drive_are_the_same_log():
         assert -22.6 < np.degrees(recording.lowest_elevation) < -20
         np.testing.assert_allclose(frames[0].sensor.translation, [1.1, 0.05, 1.93], atol=1e-3)
         assert np.abs(frames[0].pose.translation).max() < 1e-9
-        digests[suffix] = [frame_digest(frame) for frame in frames]
+        digests[suffix] = [frame.digest for frame in frames]
     assert digests["mcap"] == digests["bag"]
 
 

@@ -24,8 +24,9 @@ from logs_writer import (
 )
 
 from gapeval.config import LogSection, StaticTransform
-from gapeval.frame import Frame
-from gapeval.logs.read import RefusedScan, describe, frame_digest, read_frames, read_recording, render
+from gapeval.frame import Frame, Transform
+from gapeval.logs.read import RefusedScan, describe, read_frames, read_recording, render
+from gapeval.logs.read.playback import scan_digest
 
 # What a recording is
 
@@ -61,17 +62,17 @@ def test_frames_are_read_from_any_place(tmp_path):
     given = [(stamp, rng.normal(size=(20, 3))) for stamp in stamps(9)]
     path = write_log(tmp_path / "log", clouds=given, poses=[(s, 0, 0, 0) for s in stamps(9)], container="bag")
     recording = read_recording(path, LogSection())
-    every = [frame_digest(frame) for frame in read_frames(recording, 0, 9)]
+    every = [frame.digest for frame in read_frames(recording, 0, 9)]
     assert len(set(every)) == 9
     for first, last in ((0, 1), (4, 7), (8, 9), (8, 50), (3, 3), (9, 12)):
-        assert [frame_digest(f) for f in read_frames(recording, first, last)] == every[first:last]
+        assert [f.digest for f in read_frames(recording, first, last)] == every[first:last]
 
 
 def test_the_digest_is_over_all_that_was_decoded(tmp_path):
     def digest(points=POINTS, stamp=START, x=0.0, height=1.0):
         path = tmp_path / f"{len(list(tmp_path.iterdir()))}"
         write_log(path, clouds=[(stamp, points)], poses=[(stamp, x, 0, 0)], sensor_height=height)
-        return frame_digest(frames_of(path)[0])
+        return frames_of(path)[0].digest
 
     assert digest() == digest()
     moved = POINTS.copy()
@@ -80,10 +81,22 @@ def test_the_digest_is_over_all_that_was_decoded(tmp_path):
         digest(moved),
         digest(POINTS[:-1]),
         digest(stamp=START + 1),
-        digest(x=1e-9),
+        digest(x=1e-3),
         digest(height=1.001),
     ]
     assert len({digest(), *others}) == 6
+
+
+def test_the_digest_is_the_same_where_transforms_differ_in_their_last_bits():
+    """As between processors: a sine may end otherwise, what a log holds does not."""
+    turned = Transform.of([0.25, 1 / 3, 0.6], [0.1, -0.2, 0.3, 0.9])
+    other = Transform(np.nextafter(turned.translation, 9), np.nextafter(turned.quaternion, -9))
+    moved = Transform(turned.translation + np.array([0, 1e-3, 0]), turned.quaternion)
+    one, last_bits, moved_by_a_millimetre = (
+        scan_digest(START, POINTS, (placed, None)) for placed in (turned, other, moved)
+    )
+    assert turned != other
+    assert one == last_bits != moved_by_a_millimetre
 
 
 def test_the_lowest_elevation_may_be_given(log):

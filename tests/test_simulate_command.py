@@ -17,7 +17,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from gapeval.config import LogSection
-from gapeval.logs.read import frame_digest, read_frames, read_recording
+from gapeval.logs.read import read_frames, read_recording
 from gapeval.simulate.layouts import SCENES
 from gapeval.simulate.sensors import SENSORS
 from gapeval.simulate.simulation import clouds, simulation, write_simulation
@@ -103,7 +103,7 @@ def test_frames_are_the_same_from_every_container(made):
     several = [frames_of(folder / ("tunnel" + SUFFIXES[name])) for name, folder in made.items()]
     assert [len(frames) for frames in several] == [2, 2, 2]
     for frames in zip(*several, strict=True):
-        assert len({frame_digest(frame) for frame in frames}) == 1
+        assert len({frame.digest for frame in frames}) == 1
         for other in frames[1:]:
             assert other.points.tobytes() == frames[0].points.tobytes()
             assert other.pose.matrix.tobytes() == frames[0].pose.matrix.tobytes()

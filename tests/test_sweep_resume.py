@@ -371,8 +371,8 @@ def test_no_date_and_no_trace_of_resuming_in_the_manifest(tmp_path: Path, trench
     assert gapeval("sweep", log, "-p", "n_o=0", "-o", tmp_path / "out", "--jobs", 1).status == 0
     document = json.loads((tmp_path / "out/manifest.json").read_text())
     assert set(document) == {
-        *("gapeval", "scorer", "versions", "configurations", "logs", "labels"),
-        "failed",
+        *("gapeval", "revision", "source", "versions", "scorer", "scoring", "configurations"),
+        *("logs", "labels", "failed"),
     }
     assert document["failed"] == []
 

@@ -61,7 +61,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class LabelChange:
-    """A label in the frames of its log in which it was this and is now that: `hit`, `missed`, `not asked for`.
+    """A label in the frames in which it was this and is now that: `hit`, `missed`, `not asked for`.
 
     frames: their indices in the log, from 0, ascending, and their stamps [ns].
     """
@@ -78,9 +78,9 @@ class Row:
     """A configuration on a log, or on `all` of them, in both results.
 
     configuration: its id in NEW, or in BASE where NEW lacks it. parameters: the columns that rows are joined
-    on. reasons: why the row is `x`, `!` or `*` as a whole. base, new: every figure that is compared, empty where the
-    row is missing. changes: worst first. frames: indices of frames in which any sum changed; None: not
-    known, for the reason in `unknown`. labels: None: not looked at, or not known.
+    on. reasons: why the row is `x`, `!` or `*` as a whole. base, new: every figure that is compared, empty
+    where the row is missing. changes: worst first. frames: indices of frames in which any sum changed; None:
+    not known, for the reason in `unknown`. labels: None: not looked at, or not known.
     """
 
     log: str
@@ -127,8 +127,8 @@ class Origin:
     """Where results come from.
 
     path: as it was given. revision: of gapeval's repository, where known; source: digest of its code.
-    logs, labels: of each log by name, the sha256 of its content and of its labels, empty where unknown or none. history: of a baseline,
-    its renewals, the latest last: `gapeval`, `source`, `reason`.
+    logs, labels: of each log by name, the sha256 of its content and of its labels, empty where unknown or
+    none. history: of a baseline, its renewals, the latest last: `gapeval`, `source`, `reason`.
     """
 
     path: str
@@ -143,7 +143,7 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """rows: worst first, all of them. varied: the parameters that tell rows apart. notices: what a reader must know."""
+    """rows: worst first, all of them. varied: the parameters that tell rows apart. notices: to be read first."""
 
     base: Origin
     new: Origin

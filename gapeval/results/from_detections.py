@@ -68,13 +68,16 @@ def score_detections(
             entry = {
                 "log": detections.log,
                 "sha256": detections.log_sha256,
+                "labels": labels.sha256,
                 "detections": detections.path.name,
                 "frames": len(frames),
                 "repaired": detections.repaired,
                 "unmatched_stamps": unmatched,
             }
             text = as_it_was_made(detections, config)
-            store.finish(text, manifest([entry], [label_entry(labels)], 1), [detections.log])
+            scoring = config.scoring.model_dump(mode="json")
+            made_from = manifest([entry], [label_entry(labels)], 1, scoring)
+            store.finish(text, made_from, [detections.log])
         return Scored(store.sums(where), unmatched)
 
 

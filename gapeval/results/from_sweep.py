@@ -168,14 +168,16 @@ def write_results(begun: Begun, failed: Sequence[Finished[Unit]], folder: Path) 
             if tally.frames == 0 and not any(span.recording == index for span in lost):
                 reasons = "; ".join(f"{count} x {reason}" for reason, count in tally.refused.items())
                 raise GapevalError(f"{recording.path}: no cloud could be used ({reasons})")
-        entries = tuple(map(log_entry, task.names, task.recordings, tallies))
+        entries = tuple(map(log_entry, task.names, task.recordings, tallies, task.labels))
         labels = [
             label_entry(drawn) | {"unmatched_stamps": len(missing)}
             for drawn, missing in unmatched_stamps(sweep).items()
         ]
         failures = [_failure(task, one) for one in sorted(failed, key=lambda one: _order(one.unit.span))]
         store.finish(
-            _effective(sweep).to_yaml(), manifest(entries, labels, len(points), failures), task.names
+            _effective(sweep).to_yaml(),
+            manifest(entries, labels, len(points), _scoring(sweep), failures),
+            task.names,
         )
     remove_others(begun.parts, begun.keys)
     return Outcome(store, entries)
@@ -245,6 +247,13 @@ def log_names(paths: Iterable[Path]) -> tuple[str, ...]:
         raise ConfigError("a log is named twice; name each once")
     parent = os.path.commonpath([path.parent for path in resolved])
     return tuple(path.relative_to(parent).as_posix() for path in resolved)
+
+
+def _scoring(sweep: Sweep) -> dict[str, Any]:
+    """How gaps are compared with labels: as configured, with the domain that the grid leads to."""
+    question = sweep.task.question
+    used = {"domain": question.domain.model_dump(mode="json"), "origin": question.origin}
+    return sweep.config.scoring.model_dump(mode="json") | used
 
 
 def _effective(sweep: Sweep) -> Config:

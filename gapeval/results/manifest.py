@@ -8,7 +8,7 @@ from typing import Any
 from gapeval import __version__
 from gapeval.labels import Labels
 from gapeval.logs.read import Recording
-from gapeval.sweep.provenance import versions
+from gapeval.sweep.provenance import revision, source, versions
 
 SCORER = 2  # raise it when equal inputs are scored differently; such results cannot be compared
 
@@ -36,7 +36,7 @@ class LogTally:
         self.refused[reason] = self.refused.get(reason, 0) + 1
 
 
-def log_entry(name: str, recording: Recording, tally: LogTally) -> dict[str, Any]:
+def log_entry(name: str, recording: Recording, tally: LogTally, labels: Labels | None) -> dict[str, Any]:
     """One log: what it is, what was picked in it, how much was read and what was refused.
 
     Errors of poses are named only where there are any.
@@ -45,6 +45,7 @@ def log_entry(name: str, recording: Recording, tally: LogTally) -> dict[str, Any
     return {
         "log": name,
         "sha256": tally.identity.hexdigest(),
+        "labels": labels and labels.sha256,
         "container": recording.container,
         "cloud_topic": recording.cloud_topic,
         "pose_source": recording.pose_source,
@@ -70,12 +71,19 @@ def manifest(
     logs: Sequence[dict[str, Any]],
     labels: Sequence[dict[str, Any]],
     configurations: int,
+    scoring: dict[str, Any],
     failed: Sequence[dict[str, Any]] = (),
 ) -> dict[str, Any]:
-    """failed: the frames that are not in the results because something went wrong with them."""
+    """scoring: how gaps were compared with labels, and in which domain.
+
+    failed: the frames that are not in the results because something went wrong with them.
+    """
     return {
         "gapeval": __version__,
+        "revision": revision(),
+        "source": source(),
         "scorer": SCORER,
+        "scoring": scoring,
         "versions": versions(),
         "configurations": configurations,
         "logs": list(logs),

@@ -11,7 +11,7 @@ from gapeval.detections import OPENING, DetectedFrame, write_detections
 from gapeval.errors import ConfigError, GapevalError
 from gapeval.files import whole_file
 from gapeval.frame import Frame
-from gapeval.logs.read import Recording, frame_digest, read_frames
+from gapeval.logs.read import Recording, read_frames
 from gapeval.results.manifest import LogTally
 from gapeval.scoring.scene import common_domain
 from gapeval.sweep.evaluation import Question, detected
@@ -73,7 +73,7 @@ def detect_log(config: Config, recording: Recording, output: Path, advance: Call
     def frames() -> Iterator[DetectedFrame]:
         for item in read_frames(recording, 0, len(recording.scans)):
             if isinstance(item, Frame):
-                tally.add(frame_digest(item), len(item.points) + item.dropped, item.dropped)
+                tally.add(item.digest, len(item.points) + item.dropped, item.dropped)
                 yield detected(item, chosen, question)
             else:
                 tally.refuse(str(item))

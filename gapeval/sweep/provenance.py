@@ -1,10 +1,12 @@
 """What decides results beside parameters: the code, its libraries and the content of the inputs."""
 
 import hashlib
+import json
 import platform
+import subprocess
 from collections.abc import Callable
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import distribution, version
 from pathlib import Path
 
 import shapely
@@ -13,7 +15,7 @@ LIBRARIES = ("numpy", "opencv-python-headless", "shapely", "scipy", "rosbags", "
 MISSING = "missing"
 SAMPLE = 1 << 16  # bytes of each end
 PACKAGE = Path(__file__).parent.parent
-DECIDES_NOTHING = ("cli", "report", "studies", "simulate")  # of a sweep's results
+DECIDES_NOTHING = ("cli", "report", "studies", "compare", "simulate")  # of a sweep's results
 DECIDES_LOGS = ("simulate", "logs", "labels.py", "frame.py")  # that are simulated
 
 
@@ -22,9 +24,38 @@ def versions() -> dict[str, str]:
 
 
 @cache
+def source() -> str:
+    """Digest of our own code, as far as it decides results."""
+    return _source(lambda room: room not in DECIDES_NOTHING)
+
+
+@cache
+def revision() -> str | None:
+    """The commit of our own code: as pip fetched it, or of the checkout, `+changes` if it has any since.
+
+    None where neither is known.
+    """
+    fetched = json.loads(distribution("gapeval").read_text("direct_url.json") or "{}")
+    if "vcs_info" in fetched:
+        return str(fetched["vcs_info"]["commit_id"])
+    if not (PACKAGE.parent / ".git").exists():
+        return None
+    commit, changes = _git("rev-parse", "HEAD"), _git("status", "--porcelain", "--", PACKAGE.name)
+    return commit and commit + ("+changes" if changes else "")
+
+
+def _git(*arguments: str) -> str | None:
+    try:
+        done = subprocess.run(["git", *arguments], cwd=PACKAGE.parent, capture_output=True, text=True)
+    except OSError:
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+@cache
 def code() -> dict[str, str]:
     """All that must be the same for results to be the same bytes, by name. source: digest of our own code."""
-    own = {"gapeval": version("gapeval"), "source": _source(lambda room: room not in DECIDES_NOTHING)}
+    own = {"gapeval": version("gapeval"), "source": source()}
     return own | versions() | {"GEOS": shapely.geos_version_string, "machine": platform.machine()}
 
 

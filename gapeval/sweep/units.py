@@ -11,7 +11,7 @@ from typing import Any
 from gapeval.errors import LogError
 from gapeval.frame import Frame
 from gapeval.labels import Labels
-from gapeval.logs.read import LOST, Recording, RefusedScan, frame_digest, is_costly_to_open, read_frames
+from gapeval.logs.read import LOST, Recording, RefusedScan, is_costly_to_open, read_frames
 from gapeval.sweep.evaluation import Answers, Question, evaluate
 from gapeval.sweep.provenance import content_sample
 
@@ -111,7 +111,7 @@ def run_unit(task: Task, unit: Unit, stopped: Callable[[], bool]) -> Iterator[Ev
                 answers, spent = evaluate(frame, question, labels, recording.robot_frame)
                 yield EvaluatedFrame(
                     stamp=frame.stamp,
-                    digest=frame_digest(frame),
+                    digest=frame.digest,
                     points=len(frame.points) + frame.dropped,
                     dropped=frame.dropped,
                     answers=answers,

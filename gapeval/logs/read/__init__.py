@@ -2,7 +2,7 @@
 
 from gapeval.logs.read.description import Description, describe, render
 from gapeval.logs.read.opening import is_costly_to_open
-from gapeval.logs.read.playback import LOST, frame_digest, read_frames
+from gapeval.logs.read.playback import LOST, read_frames
 from gapeval.logs.read.preparation import erring, read_recording
 from gapeval.logs.read.recording import Recording, RefusedScan, Scans
 
@@ -14,7 +14,6 @@ __all__ = [
     "Scans",
     "describe",
     "erring",
-    "frame_digest",
     "is_costly_to_open",
     "read_frames",
     "read_recording",

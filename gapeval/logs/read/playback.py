@@ -3,7 +3,7 @@
 import hashlib
 import struct
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ from gapeval.logs.read.survey import UNDECODABLE, ranked
 
 FIRST_CLOUDS = 10  # readable clouds whose lowest rays are looked at
 LOWEST_SHARE = 0.005  # quantile of their elevations
+
+COUNTING_LENGTH, COUNTING_ANGLE = 1e-4, 1e-5  # m and about rad; what differs by less is the same log
 
 LOST = "not found again in the log"
 
@@ -36,11 +38,15 @@ def read_frames(recording: Recording, first: int, last: int) -> Iterator[Frame |
             yield from _read_run(recording, container, run)
 
 
-def frame_digest(frame: Frame) -> bytes:
-    """SHA-256 over a frame's stamp, points and transforms: what was decoded, not the file's bytes."""
-    digest = hashlib.sha256(struct.pack("<qQ", frame.stamp, len(frame.points)))
-    digest.update(np.ascontiguousarray(frame.points, dtype="<f4").data)
-    for transform in (frame.sensor, frame.pose):
+def scan_digest(stamp: int, points: NDArray[np.float32], transforms: Iterable[Transform | None]) -> bytes:
+    """SHA-256 over what was decoded, not over the file's bytes; the same on any machine.
+
+    points: (N, 3), as they stand in the log. transforms: as interpolated, whose last bits depend on the
+    machine; so they count in steps of 0.1 mm and 10 microradians.
+    """
+    digest = hashlib.sha256(struct.pack("<qQ", stamp, len(points)))
+    digest.update(np.ascontiguousarray(points, dtype="<f4").data)
+    for transform in transforms:
         digest.update(b"\0" if transform is None else b"\1" + _transform_bytes(transform))
     return digest.digest()
 
@@ -107,15 +113,19 @@ def _read_scan(recording: Recording, index: int, topic: Topic, raw: Raw) -> Fram
         return RefusedScan(stamp, UNDECODABLE, str(error))
     except UnreadableCloudError as error:
         return RefusedScan(stamp, error.reason, error.detail)
+    cloud, sensor = scans.cloud.at(index), scans.sensor.at(index)
+    pose = None if scans.pose is None else scans.pose.at(index)
     return Frame(
         stamp=stamp,
-        points=transformed(scans.cloud.at(index), points.xyz),
-        sensor=scans.sensor.at(index),
+        points=transformed(cloud, points.xyz),
+        sensor=sensor,
         lowest_elevation=recording.lowest_elevation,
-        pose=None if scans.pose is None else scans.pose.at(index),
+        pose=pose,
         dropped=points.not_finite + points.zero,
+        digest=scan_digest(stamp, points.xyz, (cloud, sensor, pose)),
     )
 
 
 def _transform_bytes(transform: Transform) -> bytes:
-    return np.concatenate([transform.translation, transform.quaternion]).astype("<f8").tobytes()
+    steps = np.concatenate([transform.translation / COUNTING_LENGTH, transform.quaternion / COUNTING_ANGLE])
+    return np.round(steps).astype("<i8").tobytes()
