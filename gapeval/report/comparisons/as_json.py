@@ -49,6 +49,7 @@ def _row(row: Row) -> dict[str, Any]:
     return {
         "log": row.log,
         "configuration": row.configuration,
+        "was": row.was,
         "parameters": dict(row.parameters),
         "mark": row.mark,
         "reasons": row.reasons,
