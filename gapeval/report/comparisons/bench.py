@@ -5,13 +5,11 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 
-from gapeval.compare.outcome import Change, Comparison, Row, Time
+from gapeval.compare.figures import FIGURES
+from gapeval.compare.outcome import Change, Comparison, Row, Spread, Time
 from gapeval.report.comparisons.words import figure, parameters, plain
-from gapeval.scoring.metrics import METRICS
 
 Entry = dict[str, str | float]
-BETTER = {metric.name: metric.better for metric in METRICS}
-UNIT = {metric.name: metric.unit for metric in METRICS}
 
 
 def bench(comparison: Comparison) -> str:
@@ -23,7 +21,7 @@ def bench(comparison: Comparison) -> str:
     row can be compared.
     """
     entries = [entry for name, row in _names(comparison) for entry in _figures(name, row)]
-    entries += [_time(time) for time in comparison.times if time.stage == "time" and time.new is not None]
+    entries += [_time(time, time.new) for time in comparison.times if time.stage == "time" and time.new]
     lines = ",\n".join(json.dumps(entry, allow_nan=False) for entry in entries)
     return f"[\n{lines}\n]\n" if entries else "[]\n"
 
@@ -39,13 +37,15 @@ def _names(comparison: Comparison) -> Iterator[tuple[str, Row]]:
 def _figures(name: str, row: Row) -> Iterator[Entry]:
     changes = {change.metric: change for change in row.changes}
     for metric, value in row.new.items():
-        better = BETTER.get(metric, "none")
-        is_share = better == "higher" and UNIT[metric] == "1"
-        if value is None or not math.isfinite(value) or (better != "lower" and not is_share):
+        known = FIGURES.get(metric)
+        is_share = known is not None and known.better == "higher" and known.unit == "1"
+        if known is None or value is None or not math.isfinite(value):
+            continue
+        if known.better != "lower" and not is_share:
             continue
         entry: Entry = {
             "name": f"{name}: {'1 - ' if is_share else ''}{metric}",
-            "unit": UNIT[metric],
+            "unit": known.unit,
             "value": 1 - value if is_share else value,
         }
         if spread := _range(changes.get(metric)):
@@ -61,9 +61,8 @@ def _range(change: Change | None) -> str:
     return f"± {figure((noise.high - noise.low) / 2)}" if noise and not noise.unknown else ""
 
 
-def _time(time: Time) -> Entry:
-    assert time.new is not None
-    entry: Entry = {"name": f"{plain(time.log)}: time", "unit": "s", "value": time.new.median}
+def _time(time: Time, new: Spread) -> Entry:
+    entry: Entry = {"name": f"{plain(time.log)}: time", "unit": "s", "value": new.median}
     if time.base is not None and time.mark != "x":
         entry["extra"] = f"BASE: {figure(time.base.median)}"
     return entry

@@ -9,9 +9,10 @@ from gapeval.report.comparisons.origins import ORIGINS, origin_cells
 from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.comparisons.words import frames_sentence, parameters, plain
 
+DECLARATION = '<?xml version="1.0" encoding="UTF-8"?>'
 SUITE = "gapeval compare"
-# Demanded by one of the two schemas in use. Same input, same bytes: neither a date nor a host, and no seconds,
-# since what is compared was measured elsewhere.
+# Demanded by one of the two schemas in use. Same input, same bytes: neither a date nor a host, and no
+# seconds, since what is compared was measured elsewhere.
 WHEN, WHERE, SECONDS = "1970-01-01T00:00:00", "localhost", "0"
 
 
@@ -46,7 +47,7 @@ def junit(comparison: Comparison) -> str:
     suites = ElementTree.Element("testsuites")
     suites.append(suite)
     ElementTree.indent(suites, "")
-    return ElementTree.tostring(suites, "unicode", xml_declaration=False) + "\n"
+    return f"{DECLARATION}\n{ElementTree.tostring(suites, 'unicode')}\n"
 
 
 def _properties(comparison: Comparison) -> ElementTree.Element:

@@ -133,7 +133,7 @@ def _origins(comparison: Comparison) -> str:
         [
             table(ORIGINS, cells),
             *([table(LOGS, logs)] if logs else []),
-            *([f"BASE was renewed last because: {code(reason)}"] if reason else []),
+            *([f"Latest reason in the history of BASE: {code(reason)}"] if reason else []),
         ]
     )
 
