@@ -5,7 +5,7 @@ import re
 
 import pytest
 from comparisons import TEXTS, comparison, comparisons, large, realistic, row
-from hypothesis import given
+from hypothesis import example, given
 
 from gapeval.compare.outcome import Comparison, LabelChange
 from gapeval.report.comparisons.markdown import code, markdown
@@ -42,6 +42,10 @@ def of_changes(found: Comparison) -> Table:
     return next(table for table in tables(markdown(found)) if "metric" in table[0])
 
 
+@example("a`b")
+@example("a|b")
+@example("a\\")
+@example(" a")
 @given(TEXTS)
 def test_any_text_can_be_read_back(text: str) -> None:
     assert words(code(text)) == plain(text)
