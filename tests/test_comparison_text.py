@@ -28,7 +28,7 @@ FLOATS = st.floats(-1e300, 1e300)
         "street.mcap 5f3c5f3c5f3c 77aa77aa77aa",
         "tunnel.mcap a901a901a901 0b0c0b0c0b0c -> 1c1d1c1d1c1d",
         "yard.mcap - -> eeeeeeeeeeee -",
-        "BASE was renewed last because: holes are kept now",
+        "latest reason in the history of BASE: holes are kept now",
         "notice: numpy 2.4.6 in BASE, 2.5.0 in NEW",
         "+ street.mcap 5ed457beaf20 1 0.4 hit_rate 0.95 0.8 -0.15 beyond noise",
         "+ street.mcap 5ed457beaf20 1 0.4 pq 0.6667 0.66668 -2e-05 within noise",
@@ -193,7 +193,8 @@ SLOW = Time("a", "time", "+", Spread(1, 1, 1), Spread(2, 2, 1), 0.1)
         (comparison(row("-", (B,)), row("~")), "fine: 2 rows, none worse, 1 better"),
         (comparison(row("+", (W, B)), row("!", new={})), "regression: 1 of 2 rows worse, 1 missing"),
         (comparison(row("!", new={}), row(" ")), "regression: 1 of 2 rows missing"),
-        (comparison(row("!", (LOST,))), "regression: 1 of 1 row with figures that are no longer defined"),
+        (comparison(row("!", (LOST,))), "regression: 1 of 1 row with figures no longer defined"),
+        (comparison(row("!", reasons=("NEW: 2 frames failed",))), "regression: 1 of 1 row incomplete"),
         (comparison(row(" "), times=(SLOW,)), "regression: 1 time over its limit"),
         (
             comparison(row("+", (W,)), times=(SLOW, SLOW)),

@@ -26,7 +26,7 @@ def log_cells(comparison: Comparison) -> list[tuple[str, str, str]]:
 
 
 def last_reason(comparison: Comparison) -> str:
-    """Why a baseline was renewed last; nothing where BASE is none."""
+    """Why a baseline was made or renewed last; nothing where BASE is none."""
     history = comparison.base.history
     return plain(str(history[-1].get("reason", ""))) if history else ""
 

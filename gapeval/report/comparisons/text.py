@@ -47,7 +47,7 @@ def _logs(comparison: Comparison) -> str:
     cells = log_cells(comparison)
     reason = last_reason(comparison)
     lines = [columns(LOGS, cells)] if cells else []
-    return "\n\n".join([*lines, f"BASE was renewed last because: {reason}"] if reason else lines)
+    return "\n\n".join([*lines, f"latest reason in the history of BASE: {reason}"] if reason else lines)
 
 
 def _changes(rows: Sequence[Row], varied: Sequence[str]) -> str:

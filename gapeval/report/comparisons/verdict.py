@@ -19,12 +19,13 @@ def verdict(comparison: Comparison) -> str:
         parts = _of(len(rows), [(sum(map(is_incomparable, rows)), "")])
         parts += _counted_times(times, "x", "")
         return f"not comparable: {', '.join(parts)}; {_besides(rows, times)} besides"
-    lacking = [row for row in rows if "!" in marks(row)]
-    missing = sum(not row.new for row in lacking)
+    whole = [row for row in rows if row.mark == "!" and not row.changes]
+    missing = sum(not row.new for row in whole)
     words = [
         (sum("+" in marks(row) for row in rows), " worse"),
         (missing, " missing"),
-        (len(lacking) - missing, " with figures that are no longer defined"),
+        (len(whole) - missing, " incomplete"),
+        (sum(bool(row.changes) and "!" in marks(row) for row in rows), " with figures no longer defined"),
     ]
     parts = _of(len(rows), words)
     parts += _counted_times(times, "+", " over its limit") + _counted_times(times, "!", " no longer measured")

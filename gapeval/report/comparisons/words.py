@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 
+from gapeval.compare.figures import FIGURES
 from gapeval.compare.outcome import MARKS, Change, LabelChange, Noise, Row, Time
 from gapeval.report.text import counted, short
-from gapeval.scoring.metrics import METRICS
 
-UNITS = {metric.name: metric.unit for metric in METRICS if metric.unit != "1"}
+UNITS = {figure.name: figure.unit for figure in FIGURES.values() if figure.unit != "1"}
 ROWS = 20  # that are shown to people in detail
 LABELS = 10  # of a row whose changes are shown to people
 RUNS = 8  # of frames that are named
