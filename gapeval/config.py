@@ -302,6 +302,15 @@ class Scoring(Section):
     """s, how long what a frame shows is like what the last one showed: of the intervals; see scoring.md"""
 
 
+class Gate(Section):
+    """Limits of `gapeval compare`; see docs/ci.md."""
+
+    max_drop: dict[str, NotNegative | str] = {}
+    """metric: how far it may fall, in its unit, or as a percentage such as 1%"""
+    max_rise: dict[str, NotNegative | str] = {}
+    """the same for metrics of which less is better, and for time and time.STAGE"""
+
+
 class Configuration(Section):
     """One point of the grid: all that decides what is detected in a frame."""
 
@@ -337,6 +346,7 @@ class Config(Section):
     sensor: Sensor = Sensor()
     log: LogSection = LogSection()
     scoring: Scoring = Scoring()
+    compare: Gate | None = None
 
     @property
     def base(self) -> Configuration:

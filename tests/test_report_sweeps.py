@@ -16,9 +16,10 @@ from gapeval.report.sweeps.frames import choose
 from gapeval.report.sweeps.front import candidates, dominated, front, front_exhibit
 from gapeval.report.sweeps.parameters import curves, heat_maps, label
 from gapeval.report.sweeps.recommendation import difference, reason, recommend
-from gapeval.report.sweeps.results import Results, Row, values_of
+from gapeval.report.sweeps.results import Results, values_of
 from gapeval.report.sweeps.times import Times
 from gapeval.results.tables import PARAMETERS
+from gapeval.results.written import Row
 
 SAME = dict.fromkeys(PARAMETERS, "") | {"k": "6", "i_height": "65", "i_width": "65", "pl_th": "0.1"}
 

@@ -7,6 +7,8 @@ from typing import Any
 import click
 
 from gapeval import __version__
+from gapeval.cli.baseline import baseline
+from gapeval.cli.compare import compare
 from gapeval.cli.demo import demo
 from gapeval.cli.detect import detect
 from gapeval.cli.info import info
@@ -45,12 +47,13 @@ def cli(context: click.Context, debug: bool, verbose: bool) -> None:
     context.obj = {"debug": debug, "verbose": verbose}
 
 
-for _command in (info, detect, score, sweep, study, report, labels, simulate, demo):
+for _command in (info, detect, score, sweep, study, report, compare, baseline, labels, simulate, demo):
     cli.add_command(_command)
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Run a command; errors are one line. Exit status: 0 fine, 1 error, 2 usage, 130 interrupted."""
+    """Run a command; errors are one line. Exit status: 0 fine, 1 error, 2 usage, 3 regression,
+    4 not comparable, 130 interrupted."""
     debug = "--debug" in (sys.argv[1:] if arguments is None else arguments)
     try:
         status: Any = cli.main(arguments, prog_name="gapeval", standalone_mode=False)

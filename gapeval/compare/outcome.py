@@ -77,10 +77,11 @@ class LabelChange:
 class Row:
     """A configuration on a log, or on `all` of them, in both results.
 
-    configuration: its id in NEW, or in BASE where NEW lacks it. parameters: the columns that rows are joined
-    on. reasons: why the row is `x`, `!` or `*` as a whole. base, new: every figure that is compared, empty
-    where the row is missing. changes: worst first. frames: indices of frames in which any sum changed; None:
-    not known, for the reason in `unknown`. labels: None: not looked at, or not known.
+    configuration: its id in NEW, or in BASE where NEW lacks it; was: its id in BASE, empty where BASE lacks
+    it. parameters: the columns that rows are joined on. reasons: why the row is `x`, `!` or `*` as a whole.
+    base, new: every figure that is compared, empty where the row is missing. changes: worst first. frames:
+    indices of frames in which any sum changed; None: not known, for the reason in `unknown`, or of all logs.
+    labels: None: not looked at, or not known.
     """
 
     log: str
@@ -94,6 +95,7 @@ class Row:
     frames: tuple[int, ...] | None = None
     labels: tuple[LabelChange, ...] | None = None
     unknown: str = ""
+    was: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +145,7 @@ class Origin:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """rows: worst first, all of them. varied: the parameters that tell rows apart. notices: to be read first."""
+    """rows: worst first, all of them. varied: the parameters that tell rows apart. notices: to read first."""
 
     base: Origin
     new: Origin

@@ -6,8 +6,9 @@ from pathlib import Path
 from gapeval.errors import GapevalError
 from gapeval.report.studies.results import CLAIMS, read_studies
 from gapeval.report.studies.section import StudySection, study_section
-from gapeval.report.sweeps.results import SUMMARY, read_results
+from gapeval.report.sweeps.results import read_results
 from gapeval.report.sweeps.section import SweepSection, sweep_section
+from gapeval.results.tables import SUMMARY
 
 Section = SweepSection | StudySection
 

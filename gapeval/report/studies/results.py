@@ -9,8 +9,8 @@ from typing import Any
 import yaml
 
 from gapeval.errors import GapevalError
-from gapeval.report.sweeps.results import Row, number, read_json, read_rows
 from gapeval.results.store import MANIFEST
+from gapeval.results.written import Row, number, read_json, read_rows
 
 CLAIMS, STUDY = "claims.csv", "study.yaml"
 COLUMNS = ("study", "claim", "section", "words", "measured", "verdict", "conditions", "source")

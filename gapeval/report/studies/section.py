@@ -8,10 +8,11 @@ from gapeval.report.curves.style import Look
 from gapeval.report.exhibit import Exhibit, Table
 from gapeval.report.studies.results import CLAIMS, Curve, Studies, Study, is_numeric
 from gapeval.report.sweeps.parameters import BY_NAME, at_the_ends, label
-from gapeval.report.sweeps.results import Row, number, values_of
+from gapeval.report.sweeps.results import values_of
 from gapeval.report.text import short
 from gapeval.results.store import ALL
 from gapeval.results.tables import PARAMETERS
+from gapeval.results.written import Row, number
 
 GROUP_UNITS = {"range": "m", "width": "m", "gap_range": "m", "bearing": "rad"}
 VERDICTS = ("holds", "holds partly", "does not hold", "not measured")

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from gapeval.report.sweeps.results import FRAMES, Results, Row, number, read_rows
+from gapeval.report.sweeps.results import Results
+from gapeval.results.tables import FRAMES
+from gapeval.results.written import Row, number, read_rows
 
 COLUMNS = ("log", "stamp", "configuration", "gaps", "scored_frames", "asked", "hits", "false_gaps")
 WORST = 3

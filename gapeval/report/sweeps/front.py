@@ -12,9 +12,10 @@ from gapeval.report.curves.style import Look
 from gapeval.report.exhibit import Exhibit, Table
 from gapeval.report.sweeps.parameters import label
 from gapeval.report.sweeps.recommendation import Recommendation
-from gapeval.report.sweeps.results import Results, Row, number
+from gapeval.report.sweeps.results import Results
 from gapeval.report.sweeps.times import Times
 from gapeval.report.text import counted, short
+from gapeval.results.written import Row, number
 
 EQUAL = 1.1  # times within a factor of about this count as equal: they were measured on a busy machine
 LISTED = 24  # rows of the table

@@ -8,9 +8,10 @@ from gapeval.report.curves.heat import WRITTEN, Heat
 from gapeval.report.curves.panel import Line, Panel, Point
 from gapeval.report.curves.style import Look
 from gapeval.report.exhibit import Exhibit, Table
-from gapeval.report.sweeps.results import Results, Row, number, values_of, where
+from gapeval.report.sweeps.results import Results, values_of, where
 from gapeval.report.text import short
 from gapeval.results.tables import meanings
+from gapeval.results.written import Row, number
 from gapeval.scoring.metrics import METRICS
 
 SHOWN = ("f1", "hit_rate", "fp_per_frame", "over_area")

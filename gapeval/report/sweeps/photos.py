@@ -11,7 +11,7 @@ from gapeval.report.exhibit import Photo
 from gapeval.report.pictures import Findings, draw_frame, draw_stages, findings, png
 from gapeval.report.sweeps.frames import Choice
 from gapeval.report.sweeps.logs import Source, Sources
-from gapeval.report.sweeps.results import Row
+from gapeval.results.written import Row
 
 TITLES = {
     "worst": "Worst frame {}",

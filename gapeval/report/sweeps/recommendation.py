@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
-from gapeval.report.sweeps.results import Row, number
 from gapeval.report.text import short
 from gapeval.results.store import badness
+from gapeval.results.written import Row, number
 
 NEAR = 0.02  # of pq, that count as equal where it has no interval
 

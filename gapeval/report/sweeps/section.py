@@ -11,11 +11,12 @@ from gapeval.report.sweeps.logs import Sources
 from gapeval.report.sweeps.parameters import BY_NAME, curves, heat_maps, label
 from gapeval.report.sweeps.photos import photos
 from gapeval.report.sweeps.recommendation import difference, reason, recommend
-from gapeval.report.sweeps.results import FRAMES, SUMMARY, Results, Row, number, read_rows
+from gapeval.report.sweeps.results import Results
 from gapeval.report.sweeps.times import TIMES, Times, times
 from gapeval.report.text import counted, short
 from gapeval.results.store import ALL
-from gapeval.results.tables import PARAMETERS
+from gapeval.results.tables import FRAMES, PARAMETERS, SUMMARY
+from gapeval.results.written import Row, number, read_rows
 
 FIGURES = ("pq", "f1", "hit_rate", "fp_per_frame", "coverage", "over_area", "splits", "merges")
 

@@ -15,7 +15,8 @@ from gapeval.files import write_whole
 from gapeval.frame import Frame
 from gapeval.logs.read import Recording, read_frames
 from gapeval.report.sweeps.logs import Sources
-from gapeval.report.sweeps.results import Results, number, read_rows
+from gapeval.report.sweeps.results import Results
+from gapeval.results.written import number, read_rows
 from gapeval.sweep.alone import seconds_alone
 from gapeval.sweep.executor import one_thread
 

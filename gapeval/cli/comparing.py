@@ -1,0 +1,105 @@
+"""Compare results for a command, and keep them as a baseline."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from gapeval.cli.reading import say
+from gapeval.compare import compare, marks
+from gapeval.compare.baseline import is_baseline, read_baseline, write_baseline
+from gapeval.compare.limits import Limits, read_limits
+from gapeval.compare.side import Side, read_side
+from gapeval.config import Gate, load_config
+from gapeval.errors import ConfigError, GapevalError
+from gapeval.files import make_folder, write_whole
+from gapeval.report.comparisons import FORMATS
+from gapeval.report.comparisons.verdict import verdict
+from gapeval.report.text import counted
+from gapeval.results.store import MANIFEST
+from gapeval.results.written import read_json
+
+STEP_SUMMARY = "GITHUB_STEP_SUMMARY"  # a file that GitHub shows on the page of a run
+MOST_OF_SUMMARY = 1 << 20  # bytes; GitHub shows nothing of what is larger
+FIRST = "first"
+
+
+def write_comparison(
+    base: Path,
+    new: Path,
+    drops: Sequence[str],
+    rises: Sequence[str],
+    config_file: Path | None,
+    form: str,
+    output: Path | None,
+) -> int:
+    """Show it in a format; returns the exit status."""
+    gate = load_config(config_file).compare or Gate()
+    limits = read_limits(drops, rises, gate.max_drop, gate.max_rise)
+    one, other = read_side(base), read_side(new)
+    _check_times(limits, (base, one), (new, other))
+    found = compare(one, other, limits)
+    text = FORMATS[form](found)
+    if output is None:
+        click.echo(text, nl=not text.endswith("\n"))
+    else:
+        make_folder(output.parent)
+        write_whole(output, text.encode() if text.endswith("\n") else f"{text}\n".encode())
+        say(verdict(found))
+    return found.status
+
+
+def _check_times(limits: Limits, *sides: tuple[Path, Side]) -> None:
+    for path, side in sides:
+        if limits.of_times and not side.times:
+            raise ConfigError(f"{path}: has no times to hold against a limit; name a folder of results")
+
+
+def _size(path: Path) -> int:
+    return path.stat().st_size if path.exists() else 0
+
+
+def _append(path: Path, text: str) -> None:
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        raise GapevalError(f"{path}: cannot be written: {error.strerror}; see ${STEP_SUMMARY}") from error
+
+
+def renew_baseline(folder: Path, output: Path, reason: str | None, with_frames: bool) -> None:
+    """Write a baseline, or renew one."""
+    folder = folder.parent if folder.is_file() else folder
+    results = read_side(folder)
+    manifest = read_json(folder / MANIFEST)
+    if results.failed:
+        raise GapevalError(
+            f"{folder}: {next(iter(results.failed.values()))}; finish it: gapeval sweep --resume"
+        )
+    history = []
+    if output.exists():
+        if output.is_dir() or not is_baseline(output):
+            raise GapevalError(f"{output}: exists and is no baseline; name another file with -o")
+        before = read_baseline(output)
+        if not reason:
+            raise ConfigError(f"{output}: say why it is renewed: --reason TEXT goes into its history")
+        changed = marks(compare(read_side(output), results, Limits({}, {})))
+        history = [*before.history]
+        say(f"{output}: renewed, {_rows(changed)}")
+    made_by = {name: manifest.get(name) for name in ("gapeval", "revision", "source")}
+    entry = {"reason": reason or FIRST} | made_by
+    if output.exists():
+        entry["rows"] = {mark: count for mark, count in changed.items() if mark != " "}
+    make_folder(output.parent)
+    frames = write_baseline(output, folder, manifest, [*history, entry], with_frames)
+    say(
+        f"wrote {output}: {counted(len(results.rows), 'row')}, {counted(frames, 'row')} of frames, "
+        f"{output.stat().st_size / 1e6:.2f} MB"
+    )
+
+
+def _rows(changed: dict[str, int]) -> str:
+    return (
+        ", ".join(f"{count} rows {mark}" for mark, count in changed.items() if mark != " ")
+        or "no row changed"
+    )

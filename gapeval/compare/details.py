@@ -1,0 +1,154 @@
+"""What lies behind changed rows: in which frames, of which labels, and whether it is more than noise."""
+
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapeval.compare.figures import FIGURES
+from gapeval.compare.labels import label_changes
+from gapeval.compare.noise import NAN, Pair, noises, pair
+from gapeval.compare.outcome import Change, LabelChange, Noise, Row
+from gapeval.compare.rows import TOLERANCE
+from gapeval.compare.side import Side
+from gapeval.errors import GapevalError
+from gapeval.results.store import ALL
+from gapeval.scoring.metrics import SUMS
+
+LABELLED_ROWS = 10  # the worst, whose labels are looked up
+OF_LABELS = ("asked", "hits", "covered_area", "label_area", "pairs")  # some change where a label's state does
+
+Ids = tuple[str, str]  # of a row's configuration in BASE and in NEW
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Behind:
+    """The frames of both results. pairs: of each log whose frames are known. place: of each row in them.
+
+    unknown: why those of other logs are not.
+    """
+
+    pairs: Mapping[str, Pair]
+    place: Mapping[Ids, int]
+    unknown: str = ""
+
+    def of(self, log: str) -> list[Pair]:
+        """The pairs that a row of this log, or of all, rests on; none where one is not known."""
+        if log != ALL:
+            return [self.pairs[log]] if log in self.pairs else []
+        return [] if self.unknown else list(self.pairs.values())
+
+
+def with_details(rows: Sequence[Row], base: Side, new: Side, block: float) -> tuple[Row, ...]:
+    """Rows, worst first, with what their frames tell. block: of time [s]."""
+    changed = [row for row in rows if row.changes]
+    if not changed:
+        return tuple(rows)
+    behind = _behind(changed, base, new, block)
+    noise = _noise(changed, behind)
+    frames = {log: _changed_frames(one, tuple(SUMS)) for log, one in behind.pairs.items()}
+    labelled = [row for row in changed if row.log in frames][:LABELLED_ROWS]
+    labels = {(row.log, row.was): _labels(row, behind, base, new) for row in labelled}
+    found = []
+    for row in rows:
+        if row.changes:
+            row = replace(row, changes=tuple(_with_noise(row, change, noise) for change in row.changes))
+            if row.log in frames:
+                of_row = frames[row.log][:, behind.place[row.was, row.configuration]]
+                indices = tuple(np.flatnonzero(of_row).tolist())
+                row = replace(row, frames=indices, labels=labels.get((row.log, row.was)))
+            elif row.log != ALL:
+                row = replace(row, unknown=behind.unknown)
+        found.append(row)
+    return tuple(found)
+
+
+def _behind(changed: Sequence[Row], base: Side, new: Side, block: float) -> Behind:
+    place = {ids: at for at, ids in enumerate(dict.fromkeys((row.was, row.configuration) for row in changed))}
+    unknown = base.record.unknown or new.record.unknown
+    if unknown:
+        return Behind({}, place, unknown)
+    try:
+        with ThreadPoolExecutor(2) as threads:  # while one is parsed, the other can be
+            each = [[one for one, _ in place], [other for _, other in place]]
+            before, after = threads.map(lambda side, of: side.record.frames(of), (base, new), each)
+        pairs = {}
+        for at, log in enumerate(sorted(base.logs & new.logs)):
+            if log not in before or log not in after:
+                unknown = f"frames of {log} are missing"
+                continue
+            one, other = before[log].of(each[0]), after[log].of(each[1])
+            if np.array_equal(one.stamps, other.stamps):
+                pairs[log] = pair(one, other, block, at)
+            else:
+                unknown = f"{log} has frames at other stamps"
+    except GapevalError as error:
+        return Behind({}, place, str(error))
+    return Behind(pairs, place, unknown)
+
+
+def _noise(changed: Sequence[Row], behind: Behind) -> dict[tuple[str, Ids, str], Noise]:
+    """Of each log, row and metric."""
+    groups: dict[tuple[str, str], list[tuple[Ids, Change]]] = {}
+    for row in changed:
+        for change in row.changes:
+            if change.difference is not None and FIGURES[change.metric].above:
+                groups.setdefault((row.log, change.metric), []).append(((row.was, row.configuration), change))
+
+    def of(group: tuple[tuple[str, str], list[tuple[Ids, Change]]]) -> tuple[Noise, ...]:
+        (log, metric), members = group
+        pairs = behind.of(log)
+        if not pairs:
+            return (Noise(NAN, NAN, behind.unknown),) * len(members)
+        places = np.array([behind.place[ids] for ids, _ in members])
+        values = np.array([[change.base, change.new] for _, change in members], dtype=np.float64).T
+        return noises(FIGURES[metric], pairs, places, values)
+
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        found = threads.map(of, groups.items())
+        return {
+            (log, ids, metric): noise
+            for ((log, metric), members), each in zip(groups.items(), found, strict=True)
+            for (ids, _), noise in zip(members, each, strict=True)
+        }
+
+
+def _with_noise(row: Row, change: Change, noise: Mapping[tuple[str, Ids, str], Noise]) -> Change:
+    return replace(change, noise=noise.get((row.log, (row.was, row.configuration), change.metric)))
+
+
+def _changed_frames(one: Pair, names: Sequence[str]) -> NDArray[np.bool_]:
+    """Whether any of these sums has changed, (F, C)."""
+    found = np.zeros((len(one.base.stamps), len(one.base.place)), dtype=bool)
+    for name in names:
+        before, after = one.base.sums[name], one.new.sums[name]
+        found |= np.abs(after - before) > TOLERANCE * np.maximum(1.0, np.abs(before))
+    return found
+
+
+def _labels(row: Row, behind: Behind, base: Side, new: Side) -> tuple[LabelChange, ...]:
+    pair_of = behind.pairs[row.log]
+    place = behind.place[row.was, row.configuration]
+    indices = np.flatnonzero(_changed_frames(_column(pair_of, place), OF_LABELS)).tolist()
+    frames = [(index, int(pair_of.base.stamps[index])) for index in indices]
+    return label_changes(
+        frames,
+        [base.record.states(row.log, stamp, row.was) for _, stamp in frames],
+        [new.record.states(row.log, stamp, row.configuration) for _, stamp in frames],
+    )
+
+
+def _column(one: Pair, place: int) -> Pair:
+    """One row of many."""
+    before, after = (
+        replace(
+            side,
+            place={"": 0},
+            sums={name: side.sums[name][:, place : place + 1] for name in OF_LABELS},
+        )
+        for side in (one.base, one.new)
+    )
+    return replace(one, base=before, new=after)
