@@ -69,7 +69,6 @@ def _tables(path: Path, skipped: int) -> Iterator["pd.DataFrame"]:
             | dict.fromkeys(SUMS, np.float64),
             keep_default_na=False,
             na_values=[""],
-            float_precision="round_trip",
             chunksize=ROWS_AT_A_TIME,
         ) as tables:
             yield from tables
