@@ -8,7 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -56,7 +56,9 @@ def os1_street(data: Path) -> Case:
 
 
 @click.command(help=__doc__)
-@click.option("--renew", "reason", metavar="REASON", help="Make the baselines anew, and say why in their history.")
+@click.option(
+    "--renew", "reason", metavar="REASON", help="Make the baselines anew, and say why in their history."
+)
 def main(reason: str | None) -> None:
     cases = [SIMULATED]
     if data := os.environ.get("GAPEVAL_DATA"):
