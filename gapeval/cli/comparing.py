@@ -1,5 +1,6 @@
 """Compare results for a command, and keep them as a baseline."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from gapeval.config import Gate, load_config
 from gapeval.errors import ConfigError, GapevalError
 from gapeval.files import make_folder, write_whole
 from gapeval.report.comparisons import FORMATS
+from gapeval.report.comparisons.github import step_summary
 from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.text import counted
 from gapeval.results.store import MANIFEST
@@ -46,6 +48,9 @@ def write_comparison(
         make_folder(output.parent)
         write_whole(output, text.encode() if text.endswith("\n") else f"{text}\n".encode())
         say(verdict(found))
+    summary = os.environ.get(STEP_SUMMARY)
+    if form == "github" and summary:
+        _append(Path(summary), step_summary(found, MOST_OF_SUMMARY - _size(Path(summary))))
     return found.status
 
 
