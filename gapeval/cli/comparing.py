@@ -1,5 +1,6 @@
 """Compare results for a command, and keep them as a baseline."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,10 +11,11 @@ from gapeval.compare import compare, marks
 from gapeval.compare.baseline import is_baseline, read_baseline, write_baseline
 from gapeval.compare.limits import Limits, read_limits
 from gapeval.compare.side import Side, read_side
-from gapeval.config import Gate, load_config
+from gapeval.config import load_config
 from gapeval.errors import ConfigError, GapevalError
 from gapeval.files import make_folder, write_whole
 from gapeval.report.comparisons import FORMATS
+from gapeval.report.comparisons.github import step_summary
 from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.text import counted
 from gapeval.results.store import MANIFEST
@@ -34,7 +36,7 @@ def write_comparison(
     output: Path | None,
 ) -> int:
     """Show it in a format; returns the exit status."""
-    gate = load_config(config_file).compare or Gate()
+    gate = load_config(config_file).compare
     limits = read_limits(drops, rises, gate.max_drop, gate.max_rise)
     one, other = read_side(base), read_side(new)
     _check_times(limits, (base, one), (new, other))
@@ -46,6 +48,9 @@ def write_comparison(
         make_folder(output.parent)
         write_whole(output, text.encode() if text.endswith("\n") else f"{text}\n".encode())
         say(verdict(found))
+    summary = os.environ.get(STEP_SUMMARY)
+    if form == "github" and summary:
+        _append(Path(summary), step_summary(found, MOST_OF_SUMMARY - _size(Path(summary))))
     return found.status
 
 

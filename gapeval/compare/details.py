@@ -18,6 +18,7 @@ from gapeval.errors import GapevalError
 from gapeval.results.store import ALL
 from gapeval.scoring.metrics import SUMS
 
+LOOKED_AT = 200_000  # frames, each under one configuration: of the worst rows; a second or so
 LABELLED_ROWS = 10  # the worst, whose labels are looked up
 OF_LABELS = ("asked", "hits", "covered_area", "label_area", "pairs")  # some change where a label's state does
 
@@ -47,14 +48,19 @@ def with_details(rows: Sequence[Row], base: Side, new: Side, block: float) -> tu
     changed = [row for row in rows if row.changes]
     if not changed:
         return tuple(rows)
-    behind = _behind(changed, base, new, block)
+    most = max(LABELLED_ROWS, LOOKED_AT // max(1, sum(new.frames.values())))
+    ids = list(dict.fromkeys((row.was, row.configuration) for row in changed))
+    behind = _behind(ids[:most], base, new, block)
+    changed = [row for row in changed if (row.was, row.configuration) in behind.place]
     noise = _noise(changed, behind)
     frames = {log: _changed_frames(one, tuple(SUMS)) for log, one in behind.pairs.items()}
     labelled = [row for row in changed if row.log in frames][:LABELLED_ROWS]
     labels = {(row.log, row.was): _labels(row, behind, base, new) for row in labelled}
     found = []
     for row in rows:
-        if row.changes:
+        if row.changes and (row.was, row.configuration) not in behind.place:
+            row = replace(row, unknown=f"only the frames of the worst {most} configurations were looked at")
+        elif row.changes:
             row = replace(row, changes=tuple(_with_noise(row, change, noise) for change in row.changes))
             if row.log in frames:
                 of_row = frames[row.log][:, behind.place[row.was, row.configuration]]
@@ -66,21 +72,20 @@ def with_details(rows: Sequence[Row], base: Side, new: Side, block: float) -> tu
     return tuple(found)
 
 
-def _behind(changed: Sequence[Row], base: Side, new: Side, block: float) -> Behind:
-    place = {ids: at for at, ids in enumerate(dict.fromkeys((row.was, row.configuration) for row in changed))}
+def _behind(ids: Sequence[Ids], base: Side, new: Side, block: float) -> Behind:
+    place = {of_row: at for at, of_row in enumerate(ids)}
     unknown = base.record.unknown or new.record.unknown
     if unknown:
         return Behind({}, place, unknown)
     try:
-        with ThreadPoolExecutor(2) as threads:  # while one is parsed, the other can be
-            each = [[one for one, _ in place], [other for _, other in place]]
-            before, after = threads.map(lambda side, of: side.record.frames(of), (base, new), each)
+        before = base.record.frames({one for one, _ in ids})
+        after = new.record.frames({other for _, other in ids})
         pairs = {}
         for at, log in enumerate(sorted(base.logs & new.logs)):
             if log not in before or log not in after:
                 unknown = f"frames of {log} are missing"
                 continue
-            one, other = before[log].of(each[0]), after[log].of(each[1])
+            one, other = before[log].of([one for one, _ in ids]), after[log].of([other for _, other in ids])
             if np.array_equal(one.stamps, other.stamps):
                 pairs[log] = pair(one, other, block, at)
             else:
@@ -125,7 +130,8 @@ def _changed_frames(one: Pair, names: Sequence[str]) -> NDArray[np.bool_]:
     found = np.zeros((len(one.base.stamps), len(one.base.place)), dtype=bool)
     for name in names:
         before, after = one.base.sums[name], one.new.sums[name]
-        found |= np.abs(after - before) > TOLERANCE * np.maximum(1.0, np.abs(before))
+        if not np.array_equal(before, after):
+            found |= np.abs(after - before) > TOLERANCE * np.maximum(1.0, np.abs(before))
     return found
 
 

@@ -11,7 +11,7 @@ Better = Literal["higher", "lower", "none"]
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """above / below, each so many times sums over frames. No below: above itself; no above: no sums."""
+    """above / below, each so many times sums over frames; neither where it is no ratio of them."""
 
     name: str
     unit: str
@@ -36,7 +36,7 @@ OF_APPROACHES = [
     Figure("towards_missed", "1", "lower", "labels that the robot drives towards, never hit", {}, {}),
 ]
 OF_COUNTS = [
-    Figure(name, "1", "lower" if name in FAULTS else "none", SUMS[name], {name: 1.0}, {})
+    Figure(name, "1", "lower" if name in FAULTS else "none", SUMS[name], {}, {})
     for name in COUNTS
     if name not in ASKED
 ]

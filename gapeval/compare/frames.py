@@ -1,22 +1,24 @@
 """The frames behind figures: sums of each frame and configuration, as a table of them holds."""
 
+import csv
+import io
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gapeval.errors import GapevalError
 from gapeval.frame import FloatArray
-from gapeval.ragged import IndexArray
 from gapeval.scoring.intervals import Stamps
 from gapeval.scoring.metrics import SUMS
 
 if TYPE_CHECKING:
     import pandas as pd
 
-ROWS_AT_A_TIME = 1 << 17
+NAMED = ("log", "stamp", "configuration")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,8 +31,6 @@ class LogFrames:
 
     def of(self, configurations: Sequence[str]) -> "LogFrames":
         """Only these configurations, in this order. Raises GapevalError where one is missing."""
-        if tuple(configurations) == tuple(self.place):
-            return self
         missing = [name for name in configurations if name not in self.place]
         if missing:
             raise GapevalError(f"frames of configuration {missing[0]} are missing")
@@ -44,62 +44,53 @@ def read_frames(path: Path, skipped: int, configurations: Collection[str]) -> di
 
     skipped: lines above the header. Rows without a stamp, of whole logs, are left out. Raises GapevalError.
     """
-    return {log: _one_log(path, parts) for log, parts in _by_log(path, skipped, configurations).items()}
-
-
-def _by_log(path: Path, skipped: int, configurations: Collection[str]) -> dict[str, list["pd.DataFrame"]]:
-    found: dict[str, list[pd.DataFrame]] = {}
-    for rows in _tables(path, skipped):
-        wanted = rows["stamp"].notna() & rows["configuration"].isin(list(configurations))
-        rows = rows if wanted.all() else rows[wanted]
-        for log, of_log in rows.groupby("log", observed=True, sort=False):
-            found.setdefault(str(log), []).append(of_log)
-    return found
-
-
-def _tables(path: Path, skipped: int) -> Iterator["pd.DataFrame"]:
     import pandas as pd
 
+    kinds: dict[str, Any] = {"log": str, "configuration": str, "stamp": "Int64"}
     try:
-        with pd.read_csv(
-            path,
-            skiprows=skipped,
-            usecols=["log", "stamp", "configuration", *SUMS],
-            dtype={"log": "category", "configuration": "category", "stamp": "Int64"}
-            | dict.fromkeys(SUMS, np.float64),
+        with path.open("rb") as file:
+            head = next(islice(file, skipped, None), b"")
+            names = head.decode("utf-8", "replace").strip().split(",")
+            lines = b"".join(
+                _of(file, names.index("configuration"), {name.encode() for name in configurations})
+            )
+        table = pd.read_csv(
+            io.BytesIO(lines),
+            names=names,
+            usecols=[*NAMED, *SUMS],
+            dtype=kinds | dict.fromkeys(SUMS, np.float64),
             keep_default_na=False,
             na_values=[""],
-            float_precision="round_trip",
-            chunksize=ROWS_AT_A_TIME,
-        ) as tables:
-            yield from tables
+        )
     except OSError as error:
         raise GapevalError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, csv.Error) as error:
         what = " ".join(str(error).split())
         raise GapevalError(f"{path}: not as gapeval writes it: {what}; make it again") from error
+    rows = table[table["stamp"].notna()]
+    return {str(log): _one_log(path, of_log) for log, of_log in rows.groupby("log", sort=False)}
 
 
-def _one_log(path: Path, parts: list["pd.DataFrame"]) -> LogFrames:
+def _of(lines: Iterator[bytes], place: int, configurations: Collection[bytes]) -> Iterator[bytes]:
+    """Of many lines those of some configurations, before more is done with them."""
+    for line in lines:
+        cells = line.split(b",", place + 1)
+        if b'"' in line and cells[0].startswith(b'"'):  # a log whose name holds a comma
+            cells = [cell.encode() for cell in next(csv.reader([line.decode()]))]
+        if len(cells) <= place or cells[place] in configurations:  # what is cut off is refused later
+            yield line
+
+
+def _one_log(path: Path, rows: "pd.DataFrame") -> LogFrames:
     """Rows in any order; each frame must have each configuration once."""
     import pandas as pd
 
-    stamps = np.concatenate([part["stamp"].to_numpy(np.int64) for part in parts])
-    names = [part["configuration"].astype(str).to_numpy(object) for part in parts]
-    columns, found = pd.factorize(np.concatenate(names))
-    every, rows = np.unique(stamps, return_inverse=True)
-    place = rows * len(found) + columns
-    there = np.zeros(len(every) * len(found), dtype=bool)
-    there[place] = True
-    if len(place) != len(there) or not there.all():
+    stamps, frames = np.unique(rows["stamp"].to_numpy(np.int64), return_inverse=True)
+    columns, found = pd.factorize(rows["configuration"])
+    place = frames * len(found) + columns
+    if len(place) != len(stamps) * len(found) or len(np.unique(place)) != len(place):
         raise GapevalError(f"{path}: rows are missing or there twice; make it again")
-    shape = len(every), len(found)
-    sums = {name: _table([part[name].to_numpy() for part in parts], place, shape) for name in SUMS}
-    return LogFrames(every, {str(name): at for at, name in enumerate(found)}, sums)
-
-
-def _table(columns: list[FloatArray], place: IndexArray, shape: tuple[int, int]) -> FloatArray:
-    flat = np.empty(shape[0] * shape[1])
-    flat[place] = np.concatenate(columns)
-    np.nan_to_num(flat, copy=False)  # not scored: nothing to add
-    return flat.reshape(shape)
+    order, shape = np.argsort(place), (len(stamps), len(found))
+    # What was not scored adds nothing.
+    sums = {name: np.nan_to_num(rows[name].to_numpy())[order].reshape(shape) for name in SUMS}
+    return LogFrames(stamps, {str(name): at for at, name in enumerate(found)}, sums)

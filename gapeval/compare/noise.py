@@ -66,8 +66,8 @@ def noises(
     at = slice(None) if np.array_equal(places, np.arange(len(pairs[0].base.place))) else places
     totals = [_sums(figure, one, at, np.ones((1, len(one.base.stamps)))) for one in pairs]
     total = _added(totals)
-    before = _figure(figure, total[0], total[1])
-    after = _figure(figure, total[0] + total[2], total[1] + total[3])
+    before = _ratio(total[0], total[1])
+    after = _ratio(total[0] + total[2], total[1] + total[3])
     found = np.concatenate([before, after])
     fits: list[bool] = np.isclose(found, values, rtol=FITTING, atol=FITTING).all(axis=0).tolist()
     logs = sum(one.scored > 0 for one in pairs) >= LEAST_LOGS
@@ -83,8 +83,6 @@ def noises(
     else:
         each = _added([_sums(figure, one, at, one.weights) for one in pairs])
     above, below, more_above, more_below = each
-    if not figure.below:
-        below = np.ones_like(above)
     with np.errstate(divide="ignore", invalid="ignore"):
         # The difference of two ratios, from differences alone: exact also where little has changed.
         differences = (more_above - above / below * more_below) / (below + more_below)
@@ -132,9 +130,7 @@ def _weighted(weights: NDArray[np.floating], values: FloatArray) -> FloatArray:
     return np.broadcast_to(summed.astype(np.float64), (len(weights), values.shape[1]))
 
 
-def _figure(figure: Figure, above: FloatArray, below: FloatArray) -> FloatArray:
-    if not figure.below:
-        return above
+def _ratio(above: FloatArray, below: FloatArray) -> FloatArray:
     undefined = np.full(above.shape, np.nan)
     found: FloatArray = np.divide(above, below, out=undefined, where=below != 0)
     return found

@@ -51,7 +51,7 @@ class Change:
     base: float | None
     new: float | None
     limit: float
-    noise: Noise | None = None  # None: there are no frames behind this figure
+    noise: Noise | None = None  # None: the figure is no ratio of sums over frames
 
     @property
     def difference(self) -> float | None:

@@ -35,12 +35,13 @@ class Record(Protocol):
 class Side:
     """Figures, and what they were made from.
 
-    scoring: None where it is not known what they were made from. failed: why frames of a log are missing, by
-    log. times: of each log, of each stage.
+    scoring: None where it is not known what they were made from. By log: frames, how many; failed, why some
+    are missing; times, of each stage.
     """
 
     origin: Origin
     scoring: Mapping[str, Any] | None
+    frames: Mapping[str, int]
     failed: Mapping[str, str]
     rows: tuple[Row, ...]
     times: Mapping[str, Mapping[str, Spread]]
@@ -74,17 +75,19 @@ def _of_folder(given: Path, folder: Path, manifest: Mapping[str, Any]) -> Side:
     record = Folder(folder, LabelFile(folder / LABELS, *order))
     timing = folder / TIMING
     times = _times(tuple(read_rows(timing, TIMING_COLUMNS))) if timing.exists() else {}
-    return Side(origin(given, manifest), _scoring(manifest), failed, rows, times, record)
+    return Side(origin(given, manifest), _scoring(manifest), _frames(manifest), failed, rows, times, record)
 
 
 def _of_baseline(path: Path, baseline: Baseline) -> Side:
     found = origin(path, baseline.manifest, baseline.history)
-    return Side(found, _scoring(baseline.manifest), {}, baseline.rows, {}, baseline)
+    return Side(
+        found, _scoring(baseline.manifest), _frames(baseline.manifest), {}, baseline.rows, {}, baseline
+    )
 
 
 def _of_table(path: Path) -> Side:
     """A table by itself, of which nothing says what it was made from."""
-    return Side(origin(path, {}), None, {}, _rows(path), {}, Nothing())
+    return Side(origin(path, {}), None, {}, {}, _rows(path), {}, Nothing())
 
 
 def _rows(path: Path) -> tuple[Row, ...]:
@@ -114,6 +117,14 @@ def origin(path: Path, manifest: Mapping[str, Any], history: tuple[Mapping[str, 
 def _scoring(manifest: Mapping[str, Any]) -> Mapping[str, Any] | None:
     found = manifest.get("scoring")
     return found if isinstance(found, dict) else None
+
+
+def _frames(manifest: Mapping[str, Any]) -> dict[str, int]:
+    return {
+        str(entry.get("log")): int(entry.get("frames") or 0)
+        for entry in manifest.get("logs") or ()
+        if isinstance(entry, dict)
+    }
 
 
 def _times(rows: tuple[Row, ...]) -> dict[str, dict[str, Spread]]:
