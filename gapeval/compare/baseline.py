@@ -125,7 +125,7 @@ def write_baseline(
 ) -> int:
     """From a folder of results with this manifest; returns the number of its frames. Raises GapevalError."""
     kept: dict[str, Any] = {name: manifest.get(name) for name in KEPT}
-    kept["logs"] = [{name: entry.get(name) for name in KEPT_OF_LOGS} for entry in manifest["logs"]]
+    kept["logs"] = [{name: entry.get(name) for name in KEPT_OF_LOGS} for entry in manifest.get("logs") or ()]
     document = {"kind": KIND, "version": VERSION, "history": list(history)} | kept
     text = io.StringIO()
     for line in json.dumps(document, indent=1, ensure_ascii=False).splitlines():

@@ -94,7 +94,10 @@ def _as_a_whole(pair: Joined, objection: "Objection") -> tuple[Mark | None, tupl
 
 def _figures(row: Texts | None, side: Side) -> dict[str, float | None]:
     """Empty for a missing row. Raises GapevalError."""
-    found = {} if row is None else {name: number(row, name) for name in FIGURES if name in row}
+    try:
+        found = {} if row is None else {name: number(row, name) for name in FIGURES if name in row}
+    except GapevalError as error:
+        raise GapevalError(f"{side.origin.path}: {error}") from error
     for name, value in found.items():
         if value is not None and not math.isfinite(value):
             raise GapevalError(f"{side.origin.path}: {name} is {value}; make the results again")
@@ -104,10 +107,11 @@ def _figures(row: Texts | None, side: Side) -> dict[str, float | None]:
 def _changes(
     before: Mapping[str, float | None], after: Mapping[str, float | None], limits: Limits
 ) -> tuple[Change, ...]:
+    # A figure without a column in NEW is lost; one without a column in BASE is held against nothing.
     found = [
         change
         for name, value in before.items()
-        if name in after and (change := _change(name, value, after[name], limits)) is not None
+        if (change := _change(name, value, after.get(name), limits)) is not None
     ]
     return tuple(sorted(found, key=_severity))
 
