@@ -174,7 +174,7 @@ def test_what_is_not_needed_may_be_missing(results: Path, new: Path, name: str) 
 
 
 def test_a_summary_that_is_cut_off_never_passes(results: Path, new: Path) -> None:
-    """Anywhere: an error, or rows that are missing. Of the last cell, a count, there may be no more to tell."""
+    """Anywhere: an error, or rows that are missing. What is cut off the last cell, a count, cannot be told."""
     whole = (results / "summary.csv").read_bytes()
     last_cell = whole.rindex(b",") + 1
     statuses = {}
@@ -202,7 +202,7 @@ def test_frames_that_are_cut_off_change_no_verdict(results: Path, new: Path, dat
     (row,) = [row for row in document["rows"] if row["mark"] == "+"]
     # Nothing is said of frames that are not all there, unless they are all there.
     if size < len(whole) - 3:
-        assert row["unknown"] or row["log"] == "a.mcap" and size > len(whole) // 2
+        assert row["unknown"] or (row["log"] == "a.mcap" and size > len(whole) // 2)
     assert all(change["noise"]["beyond"] is None for change in row["changes"])  # they do not add up
 
 
