@@ -174,7 +174,7 @@ def test_what_is_not_needed_may_be_missing(results: Path, new: Path, name: str) 
 
 
 def test_a_summary_that_is_cut_off_never_passes(results: Path, new: Path) -> None:
-    """Anywhere: an error, or rows that are missing. What is cut off the last cell, a count, cannot be told."""
+    """Anywhere: an error, or rows that are missing. What is cut off the last cell cannot be told."""
     whole = (results / "summary.csv").read_bytes()
     last_cell = whole.rindex(b",") + 1
     statuses = {}
