@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import gapeval
-from result_folders import GRID, Texts, copied, edited, shown, table
+from result_folders import GRID, Texts, compared, copied, edited, shown, table, write_table
 
 from gapeval.compare.outcome import FINE, REGRESSION
 from gapeval.report.comparisons import FORMATS
@@ -111,3 +111,20 @@ def test_last_bits_change_no_list_of_what_is_worse(results: Path, tmp_path: Path
             for row in (one, two)
         ]
         assert changes[0] == changes[1]
+
+
+def test_last_bits_sort_nothing(results: Path, tmp_path: Path) -> None:
+    """What is as bad stays in the order of the grid, and figures in that of their columns."""
+    base = edited(copied(results, tmp_path / "base"), lambda row: row | {"pq": "0.3", "recall": "0.3"})
+    new = edited(copied(base, tmp_path / "new"), lambda row: row | {"pq": "0.1", "recall": "0.1"})
+    rows = table(new / "summary.csv")
+    for at, row in enumerate(rows):
+        for name, sign in (("pq", -1), ("recall", 1)):
+            row[name] = repr(0.1 * (1 + sign * at * 2.0**-52))
+    write_table(new / "summary.csv", rows)
+    for pair, mark in (((base, new), "+"), ((new, base), "-")):
+        found = compared(*pair)
+        assert [(row.mark, row.log, row.configuration) for row in found.rows] == [
+            (mark, row["log"], row["configuration"]) for row in rows
+        ]
+        assert {tuple(change.metric for change in row.changes) for row in found.rows} == {("recall", "pq")}

@@ -195,6 +195,15 @@ def test_a_change_in_all_frames_alike_is_beyond_and_one_in_a_single_frame_is_not
     assert (balanced.beyond, balanced.unknown) == (False, "")
 
 
+def test_last_bits_are_no_noise() -> None:
+    """In all frames one bit less, as another machine may have it, and in a single one much less."""
+    bit = math.nextafter(1.0, 0.0)
+    assert noise_of(one_log([1.0] * 30, [bit] * 30)).beyond is False
+    assert noise_of(one_log([1.0] * 30, [bit] * 29 + [0.0])).beyond is False
+    assert noise_of(one_log([bit] * 30, [1.0] * 29 + [2.0])).beyond is False
+    assert noise_of(one_log([1.0] * 30, [1.0 - 1e-6] * 30)).beyond is True
+
+
 def test_ten_blocks_of_time_are_needed() -> None:
     for block, number in ((0.3, 10), (0.34, 9)):
         found = noise_of(one_log([1.0] * 30, [0.0] * 30, block))
