@@ -84,7 +84,9 @@ def test_clouds_are_the_same_but_for_a_few_points(anew: Case) -> None:
 
 
 POINTS = 54_251  # in all clouds
-MOVED = 54  # of them, by more than 1 mm: one in a thousand; see docs/ci.md
+MOVED = (
+    54  # one in a thousand. Measured with trimesh's own caster: none; 3 of 24,187 of `approach` differ at all
+)
 
 
 def test_figures_are_near_those_of_the_baseline(anew: Case, tmp_path: Path) -> None:
@@ -105,4 +107,4 @@ def test_figures_are_near_those_of_the_baseline(anew: Case, tmp_path: Path) -> N
                 ), (metric.name, one["log"], one["configuration"])
 
 
-NEAR = 1e-6
+NEAR = 0.01  # that many points moved by 5 mm at random: up to 0.7 %; trimesh's own caster: nothing at all
