@@ -9,9 +9,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from gapeval.cli import cli
+from gapeval.compare.figures import FIGURES
 from gapeval.config import Config
 from gapeval.results import tables
-from gapeval.scoring.metrics import METRICS
 
 DOCS = Path(__file__).parent.parent / "docs"
 MADE = r"(<!-- {name}: made by scripts/{script} -->\n).*?(<!-- end -->)"
@@ -64,15 +64,14 @@ def configuration() -> str:
         if name == "grid":
             page += f"\n## grid\n\n{field.description}\n"
         else:
-            page += section(name, field.annotation)
+            page += "".join(section(name, model) for model in models_of(field))
     return page
 
 
 def section(path: str, model: type[BaseModel]) -> str:
     rows, inner = [], ""
     for name, field in model.model_fields.items():
-        options = [model for model in (field.annotation, *get_args(field.annotation)) if is_model(model)]
-        inner += "".join(section(f"{path}.{name}", option) for option in options)
+        inner += "".join(section(f"{path}.{name}", option) for option in models_of(field))
         if field.description:
             default = "required" if field.is_required() else "" if field.default is None else field.default
             rows.append(f"| `{name}` | {default} | {values(field)} | {cell(field.description)} |")
@@ -103,12 +102,14 @@ def values(field: FieldInfo) -> str:
     return cell(", ".join(dict.fromkeys(named or limits)))
 
 
-def is_model(candidate: object) -> bool:
-    return isinstance(candidate, type) and issubclass(candidate, BaseModel)
+def models_of(field: FieldInfo) -> list[type[BaseModel]]:
+    """The sections that a field may be."""
+    options = (field.annotation, *get_args(field.annotation))
+    return [one for one in options if isinstance(one, type) and issubclass(one, BaseModel)]
 
 
 def metrics() -> str:
-    rows = "\n".join(f"| `{m.name}` | {m.unit} | {m.better} | {cell(m.meaning)} |" for m in METRICS)
+    rows = "\n".join(f"| `{m.name}` | {m.unit} | {m.better} | {cell(m.meaning)} |" for m in FIGURES.values())
     return f"| metric | unit | better | meaning |\n|---|---|---|---|\n{rows}\n"
 
 
