@@ -346,7 +346,7 @@ class Config(Section):
     sensor: Sensor = Sensor()
     log: LogSection = LogSection()
     scoring: Scoring = Scoring()
-    compare: Gate | None = None
+    compare: Gate = Gate()
 
     @property
     def base(self) -> Configuration:

@@ -55,12 +55,12 @@ def drawn(frames: int, grid: int, share_lost: float) -> Drawn:
     return Drawn({name: (counts | reals | fixed | of_labels | covered)[name] for name in SUMS}, hit)
 
 
-def write_results(folder: Path, frames: int, found: Drawn, values: int = 10) -> None:
-    """values: of pl_th, the last parameter of the grid."""
+def write_results(folder: Path, found: Drawn) -> None:
+    """A folder as of a sweep, of as many configurations of the grid as were drawn."""
     folder.mkdir(parents=True)
-    grid = {**GRID, "pl_th": GRID["pl_th"][:values]}
-    chosen = configurations(Config(grid={f"detector.{name}": list(of) for name, of in grid.items()}))
-    points = [tables.point(one) for one in chosen]
+    frames, number = found.hit.shape[:2]
+    grid = configurations(Config(grid={f"detector.{name}": list(of) for name, of in GRID.items()}))
+    points = [tables.point(one) for one in grid[:number]]
     totals = [{name: float(of[:, at].sum()) for name, of in found.sums.items()} for at in range(len(points))]
     rows = [
         {"configuration": one.id} | one.parameters | figures(total) | tables.sums_row(total)

@@ -17,6 +17,7 @@ PARTS = {
     "g": "how cost grows with points and with the grid",
     "h": "memory of the largest process of a sweep",
     "i": "for scale: Patchwork++",
+    "j": "comparing large results, all of whose rows have changed",
 }
 COMPARISONS = {"<=": operator.le, "<": operator.lt, ">=": operator.ge}
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from bench_compare import drawn, write_results
 from bench_figures import Figure, Finding, Skipped, figure
 from bench_logs import CONTAINERS, GRID, ONE, Grid, Kind, Log, cut, simulated_log, stacked
 from bench_process import Took, gapeval_took
@@ -65,6 +66,7 @@ class Effort:
     sizes: tuple[int, ...]
     grid: Grid
     large: Grid  # for memory
+    compared: tuple[int, int]  # frames and configurations in (j)
 
 
 FULL = Effort(
@@ -77,6 +79,7 @@ FULL = Effort(
     sizes=(1, 10, 30, 60, 120, 240, 480),
     grid=GRID,
     large=THOUSAND,
+    compared=(1000, 1000),
 )
 QUICK = Effort(
     frames=2,
@@ -88,6 +91,7 @@ QUICK = Effort(
     sizes=(1, 10, 60, 120, 240),
     grid=GRID,
     large=GRID,
+    compared=(100, 1000),
 )
 
 
@@ -565,6 +569,22 @@ def patchwork(bench: Bench) -> Iterator[Finding]:
         yield figure("i", log.name, "estimateGround", "ms", times, note=note)
 
 
+# (j) Comparing
+
+
+def comparing(bench: Bench) -> Iterator[Finding]:
+    frames, grid = bench.effort.compared
+    sides = {share: bench.folder / f"compared-{share}" for share in (0.02, 0.0)}
+    for share, folder in sides.items():
+        write_results(folder, drawn(frames, grid, share))
+    # From worse to better: nothing is a regression, and the command ends well.
+    for name, base in (("all rows changed", sides[0.02]), ("no row changed", sides[0.0])):
+        spent = [gapeval_took("compare", base, sides[0.0]) for _ in range(bench.effort.rounds)]
+        what = f"{grid} configurations x {frames} frames, {name}"
+        yield figure("j", "", what, "s", [one.seconds for one in spent], ("<=", 5))
+        yield figure("j", "", f"{what}: memory", "MB", [one.peak / 1e6 for one in spent])
+
+
 PART: dict[str, Callable[[Bench], Iterator[Finding]]] = {
     "a": one_configuration,
     "b": whole_grid,
@@ -575,4 +595,5 @@ PART: dict[str, Callable[[Bench], Iterator[Finding]]] = {
     "g": growth,
     "h": memory,
     "i": patchwork,
+    "j": comparing,
 }

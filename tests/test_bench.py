@@ -17,9 +17,16 @@ from bench_process import took
 GRID = {"k": (4, 5), "delta_r": (1.1,), "n_o": (0, 1), "pl_th": (0.1,)}
 # One frame once: then a ratio of medians is the median of ratios.
 EFFORT = replace(
-    QUICK, frames=1, repetitions=1, points=(1000, 2000, 4000), sizes=(1, 2, 4), grid=GRID, large=GRID
+    QUICK,
+    frames=1,
+    repetitions=1,
+    points=(1000, 2000, 4000),
+    sizes=(1, 2, 4),
+    grid=GRID,
+    large=GRID,
+    compared=(20, 10),
 )
-IN_PROCESS = ["a", "b", "c", "d", "g", "i"]
+IN_PROCESS = ["a", "b", "c", "d", "g", "i", "j"]
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +53,7 @@ def test_every_part_is_there_on_every_log(found) -> None:
     skipped = {one["part"] for one in found["skipped"]}
     measured = {(one["part"], one["log"]) for one in found["figures"]}
     for part in set(IN_PROCESS) - skipped:
-        for log in ("simulated",) if part == "g" else ("simulated", "dense"):
+        for log in {"g": ("simulated",), "j": ("",)}.get(part, ("simulated", "dense")):
             assert (part, log) in measured
     assert set(found["header"]["logs"]) == {"simulated", "dense"}
     assert "GAPEVAL_DATA is not set" in found["header"]["real"]

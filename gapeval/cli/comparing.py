@@ -11,7 +11,7 @@ from gapeval.compare import compare, marks
 from gapeval.compare.baseline import is_baseline, read_baseline, write_baseline
 from gapeval.compare.limits import Limits, read_limits
 from gapeval.compare.side import Side, read_side
-from gapeval.config import Gate, load_config
+from gapeval.config import load_config
 from gapeval.errors import ConfigError, GapevalError
 from gapeval.files import make_folder, write_whole
 from gapeval.report.comparisons import FORMATS
@@ -36,7 +36,7 @@ def write_comparison(
     output: Path | None,
 ) -> int:
     """Show it in a format; returns the exit status."""
-    gate = load_config(config_file).compare or Gate()
+    gate = load_config(config_file).compare
     limits = read_limits(drops, rises, gate.max_drop, gate.max_rise)
     one, other = read_side(base), read_side(new)
     _check_times(limits, (base, one), (new, other))
