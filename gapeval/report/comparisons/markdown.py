@@ -12,8 +12,10 @@ from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.comparisons.words import (
     LABELS,
     ROWS,
+    asides,
     difference,
     frames_run,
+    is_aside,
     is_told,
     metric_and_unit,
     noise_words,
@@ -72,15 +74,18 @@ def _changes(rows: Sequence[Row], varied: Sequence[str]) -> str:
 
 
 def _lines(row: Row, varied: Sequence[str]) -> list[Cells]:
-    """A line for each changed figure; before them one with what holds for the whole row."""
+    """A line for each changed metric; before them one with what holds for the whole row."""
     names = _names(row, varied)
     whole = [code("; ".join(row.reasons))] if row.reasons else []
     if row.frames:
         whole.append(f"changed in {counted(len(row.frames), 'frame')}: {frames_run(row.frames)}")
+    if counts := asides(row):
+        whole.append(counts)
+    told = [change for change in row.changes if not is_aside(change)]
     lines: list[Cells] = []
-    if whole or not row.changes:
+    if whole or not told:
         lines.append((_mark(row.mark), *names, "; ".join(whole), "", "", "", ""))
-    return lines + [(_mark(change.mark), *names, *_figure(change)) for change in row.changes]
+    return lines + [(_mark(change.mark), *names, *_figure(change)) for change in told]
 
 
 def _names(row: Row, varied: Sequence[str]) -> Cells:

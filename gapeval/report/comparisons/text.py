@@ -9,8 +9,10 @@ from gapeval.report.comparisons.times import is_told as is_time_told
 from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.comparisons.words import (
     ROWS,
+    asides,
     difference,
     frames_sentence,
+    is_aside,
     is_told,
     label_sentences,
     metric_and_unit,
@@ -26,7 +28,8 @@ from gapeval.report.text import columns, counted
 def text(comparison: Comparison) -> str:
     """Where both come from, what changed, worst first, times, and last the verdict: a terminal shows the end.
 
-    A line for each figure that changed; what holds for the whole row stands indented below its figures.
+    A line for each metric that changed, the first with the row's name; what holds for the whole row stands
+    indented below them.
     """
     rows = [row for row in comparison.rows if is_told(row)]
     parts = [
@@ -64,10 +67,13 @@ def _changes(rows: Sequence[Row], varied: Sequence[str]) -> str:
 
 
 def _figures(row: Row, varied: Sequence[str]) -> list[tuple[str, ...]]:
-    """A line for each changed figure, or one where none is known."""
+    """A line for each changed metric, or one where there is none."""
     names = (plain(row.log), plain(row.configuration), *(plain(row.parameters.get(n, "")) for n in varied))
-    lines = [(change.mark, *names, *_figure(change)) for change in row.changes]
-    return lines or [(row.mark, *names, "", "", "", "", "")]
+    told = [change for change in row.changes if not is_aside(change)]
+    if not told:
+        return [(row.mark, *names, "", "", "", "", "")]
+    blank = ("",) * len(names)
+    return [(one.mark, *(blank if place else names), *_figure(one)) for place, one in enumerate(told)]
 
 
 def _figure(change: Change) -> tuple[str, ...]:
@@ -81,8 +87,7 @@ def _below(row: Row) -> Iterator[str]:
         whole = f"{MARKS[row.mark]}: {whole}" if whole else MARKS[row.mark]
     if whole:
         yield whole
-    if frames := frames_sentence(row):
-        yield frames
+    yield from filter(None, (asides(row), frames_sentence(row)))
     yield from label_sentences(row)
 
 

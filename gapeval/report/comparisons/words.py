@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from gapeval.compare.figures import FIGURES
 from gapeval.compare.outcome import MARKS, Change, LabelChange, Noise, Row, Time
 from gapeval.report.text import counted, short
+from gapeval.scoring.metrics import COUNTS
 
 UNITS = {figure.name: figure.unit for figure in FIGURES.values() if figure.unit != "1"}
 ROWS = 20  # that are shown to people in detail
@@ -84,6 +85,20 @@ def sentence(change: Change) -> str:
         found += f", {difference(change)}"
     word = noise_word(change.noise)
     return f"{found}, {word} noise" if word else found
+
+
+def is_aside(change: Change) -> bool:
+    """Whether it is a count that nothing is held against: metrics that it leads to have lines."""
+    return change.metric in COUNTS and change.mark == "~" and change.limit == math.inf
+
+
+def asides(row: Row) -> str:
+    """`counts: hits 36 -> 23, fn 22 -> 23`, or nothing."""
+    found = [
+        f"{change.metric} {' -> '.join(pair(change.base, change.new))}"
+        for change in filter(is_aside, row.changes)
+    ]
+    return f"counts: {', '.join(found)}" if found else ""
 
 
 def frames_run(frames: Sequence[int]) -> str:
