@@ -83,8 +83,8 @@ def test_clouds_are_the_same_but_for_a_few_points(anew: Case) -> None:
     assert moved <= MOVED
 
 
-# One point in a thousand may be off by more than 1 mm. With trimesh's own caster, `approach` has none: 3 of its
-# 24,187 points differ at all, by 0.03 mm at most, and no figure does.
+# One point in a thousand may be off by more than 1 mm. With trimesh's own caster, `approach` has none: 3 of
+# its 24,187 points differ at all, by 0.03 mm at most, and no figure does.
 POINTS = 54_251  # in all clouds
 MOVED = 54
 
