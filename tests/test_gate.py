@@ -31,7 +31,7 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 @dataclass(frozen=True, slots=True)
 class Breakage:
-    """worse: metrics that get worse in some row, no others if `alone`. same: those that change in none."""
+    """worse: metrics that get worse in some row, and no others if `alone`. same: those that never change."""
 
     edit: Edit
     worse: frozenset[str]
