@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import subprocess
 from dataclasses import dataclass, replace
 from functools import partial
@@ -11,6 +12,7 @@ import pytest
 from broken import Edit, copy_with, run_copy
 from command import gapeval
 from gate import SIMULATED, Case, compared, each, main, os1_street, renewed, sweep_command, worst
+from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
 from gapeval.compare.outcome import FINE, REGRESSION
 from gapeval.report.comparisons import FORMATS
@@ -29,7 +31,7 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 @dataclass(frozen=True, slots=True)
 class Breakage:
-    """worse: metrics that get worse in some row, no others if `alone`. same: those that change in none."""
+    """worse: metrics that get worse in some row, and no others if `alone`. same: those that never change."""
 
     edit: Edit
     worse: frozenset[str]
@@ -183,6 +185,17 @@ def test_the_code_as_it_is_passes_with_any_number_of_workers(
     assert said[0] == said[1]
 
 
+def test_the_verdict_is_the_same_with_the_arithmetic_of_another_processor(case: Case, tmp_path: Path) -> None:
+    here = [name for name in __cpu_dispatch__ if __cpu_features__.get(name)]
+    if not here:
+        pytest.skip("numpy has but one way to calculate on this processor")
+    environment = os.environ | {"NPY_DISABLE_CPU_FEATURES": " ".join(here)}
+    done = subprocess.run(sweep_command(case, tmp_path, *JOBS), env=environment, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    status, found = comparison(case, tmp_path)
+    assert (status, metrics(found, "+!-*~x")) == (FINE, set())
+
+
 # The script
 
 
@@ -226,3 +239,16 @@ def test_without_real_logs_it_says_what_is_left_out(
     shown = capfd.readouterr()
     assert "os1_street is left out: GAPEVAL_DATA is not set" in shown.err
     assert [path.name for path in tmp_path.iterdir()] == ["simulated"]
+
+
+def test_in_github_it_says_what_github_can_show(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "summary.md"))
+    without_holes = swept_by_copy(SIMULATED, (BREAKAGES["lost holes"].edit,), tmp_path)
+    assert compared(SIMULATED, without_holes) == REGRESSION
+    said = capfd.readouterr().out.splitlines()
+    assert said[0].startswith("::error ")
+    assert "over_area" in "".join(said)
+    assert "over_area" in (tmp_path / "summary.md").read_text()

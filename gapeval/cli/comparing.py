@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -57,8 +58,13 @@ def write_comparison(
 
 def _check_times(limits: Limits, *sides: tuple[Path, Side]) -> None:
     for path, side in sides:
-        if limits.of_times and not side.times:
+        if limits.stages and not side.times:
             raise ConfigError(f"{path}: has no times to hold against a limit; name a folder of results")
+    stages = dict.fromkeys(stage for _, side in sides for of_log in side.times.values() for stage in of_log)
+    for stage in limits.stages:
+        if stage not in stages:
+            near = ", ".join(get_close_matches(stage, stages, 1) or list(stages)[1:])
+            raise ConfigError(f"max_rise of time.{stage}: no such stage; there is {near}")
 
 
 def _size(path: Path) -> int:

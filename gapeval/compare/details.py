@@ -54,7 +54,11 @@ def with_details(rows: Sequence[Row], base: Side, new: Side, block: float) -> tu
     noise = _noise(changed, behind)
     frames = {log: _changed_frames(one, tuple(SUMS)) for log, one in behind.pairs.items()}
     labelled = [row for row in changed if row.log in frames][:LABELLED_ROWS]
-    labels = {(row.log, row.was): _labels(row, behind, base, new) for row in labelled}
+    try:
+        labels = {(row.log, row.was): _labels(row, behind, base, new) for row in labelled}
+        unknown = ""
+    except GapevalError as error:  # which labels changed is worth less than the verdict
+        labels, unknown = {}, str(error)
     found = []
     for row in rows:
         if row.changes and (row.was, row.configuration) not in behind.place:
@@ -64,7 +68,8 @@ def with_details(rows: Sequence[Row], base: Side, new: Side, block: float) -> tu
             if row.log in frames:
                 of_row = frames[row.log][:, behind.place[row.was, row.configuration]]
                 indices = tuple(np.flatnonzero(of_row).tolist())
-                row = replace(row, frames=indices, labels=labels.get((row.log, row.was)))
+                of_labels = labels.get((row.log, row.was))
+                row = replace(row, frames=indices, labels=of_labels, unknown=unknown)
             elif row.log != ALL:
                 row = replace(row, unknown=behind.unknown)
         found.append(row)
@@ -106,7 +111,7 @@ def _noise(changed: Sequence[Row], behind: Behind) -> dict[tuple[str, Ids, str],
         (log, metric), members = group
         pairs = behind.of(log)
         if not pairs:
-            return (Noise(NAN, NAN, behind.unknown),) * len(members)
+            return (Noise(NAN, NAN, behind.unknown or "its frames are not known"),) * len(members)
         places = np.array([behind.place[ids] for ids, _ in members])
         values = np.array([[change.base, change.new] for _, change in members], dtype=np.float64).T
         return noises(FIGURES[metric], pairs, places, values)

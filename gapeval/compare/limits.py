@@ -50,9 +50,9 @@ class Limits:
         return 0.0 if better != "none" and way in WORSE[better] else math.inf
 
     @property
-    def of_times(self) -> bool:
-        """Whether any of them is of seconds."""
-        return any(is_time(metric) for metric in (*self.drop, *self.rise))
+    def stages(self) -> tuple[str, ...]:
+        """Those whose seconds have a limit; `time` is all of them."""
+        return tuple(name.removeprefix(f"{TIME}.") for name in self.rise if is_time(name))
 
 
 def is_time(metric: str) -> bool:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from gapeval.compare.limits import TIME, Limits, is_time
+from gapeval.compare.limits import TIME, Limits
 from gapeval.compare.outcome import Mark, Spread, Time
 from gapeval.compare.side import Side
 
@@ -15,8 +15,7 @@ def times(base: Side, new: Side, limits: Limits) -> tuple[Time, ...]:
 def _times(base: Side, new: Side, limits: Limits) -> Iterator[Time]:
     for log in sorted(base.logs & new.logs):
         before, after = base.times.get(log, {}), new.times.get(log, {})
-        limited = [name.removeprefix(f"{TIME}.") for name in limits.rise if is_time(name)]
-        for stage in dict.fromkeys((*before, *after, *limited)):
+        for stage in dict.fromkeys((*before, *after, *limits.stages)):
             metric = stage if stage == TIME else f"{TIME}.{stage}"
             yield _time(log, stage, before.get(stage), after.get(stage), metric, limits)
 

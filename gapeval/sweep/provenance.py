@@ -46,7 +46,9 @@ def revision() -> str | None:
 
 def _git(*arguments: str) -> str | None:
     try:
-        done = subprocess.run(["git", *arguments], cwd=PACKAGE.parent, capture_output=True, text=True)
+        done = subprocess.run(
+            ["git", "--no-optional-locks", *arguments], cwd=PACKAGE.parent, capture_output=True, text=True
+        )
     except OSError:
         return None
     return done.stdout.strip() if done.returncode == 0 else None
