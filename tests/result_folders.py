@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from command import gapeval
+from command import Result, gapeval
 from small_logs import drive, labels
 
 from gapeval.compare import compare
@@ -18,6 +18,9 @@ from gapeval.compare.side import read_side
 Texts = dict[str, str]
 GRID = ("-p", "n_o=0,1", "-p", "pl_th=0.02,0.05", "-p", "d_r=0.8", "-p", "scoring.block=0.2")
 ALL = "all"
+IDS = ("3c9b3390da40", "2fb9257526a2", "eeef452bf3a5", "d050fe85d929")  # of GRID
+BEST = IDS[1]  # on a.mcap every figure of it is defined
+HERE = {"log": "a.mcap", "configuration": BEST}
 
 # Which way is better, written down a second time.
 HIGHER = (
@@ -116,3 +119,38 @@ def shown(base: Path, new: Path, *options: object) -> tuple[int, dict[str, Any]]
 
 def is_one_line(text: str) -> bool:
     return text.startswith("gapeval: ") and text.count("\n") == 1 and "a bug of ours" not in text
+
+
+def by_mark(comparison: Comparison, mark: str) -> list[tuple[str, str]]:
+    return [(row.log, row.configuration) for row in comparison.rows if row.mark == mark]
+
+
+def without(folder: Path, to: Path, **where: str) -> Path:
+    """A copy without the rows that have these cells, as a sweep without them would have written it."""
+    return edited(copied(folder, to), lambda row: None if row.items() >= where.items() else row)
+
+
+def kept(folder: Path, path: Path, *options: object) -> Result:
+    """Results as a baseline."""
+    return gapeval("baseline", folder, "-o", path, *options)
+
+
+def above(path: Path) -> dict[str, Any]:
+    """What stands above the table."""
+    lines = [line[2:] for line in path.read_text().split("\n") if line.startswith("# ")]
+    return json.loads("\n".join(lines))
+
+
+def with_above(path: Path, document: object) -> None:
+    text = path.read_text().split("\n")
+    below = [line for line in text if not line.startswith("# ")]
+    path.write_text("\n".join([f"# {json.dumps(document)}", *below]))
+
+
+def missed(folder: Path) -> Path:
+    """In some frames the trench is missed, where it was hit."""
+    stamps = [row["stamp"] for row in table(folder / "frames.csv") if row.items() >= HERE.items()]
+    for stamp in stamps[3:9]:
+        edited(folder, cells(HERE | {"stamp": stamp}, hits="0"), "frames.csv")
+        edited(folder, cells(HERE | {"stamp": stamp}, hit="false"), "labels.csv")
+    return edited(folder, cells(HERE, hits="18", hit_rate=0.75))

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from result_folders import (
     ALL,
     ASKED,
+    BEST,
     HIGHER,
     LOWER,
     NEITHER,
@@ -36,7 +37,7 @@ RANDOM = settings(
 )
 FIGURES = (*HIGHER, *LOWER, *NEITHER)
 TOLERANCE = 1e-9
-LOG, BEST = "a.mcap", "2fb9257526a2"  # a row in which every figure is defined
+LOG = "a.mcap"  # a row in which every figure is defined
 HERE = {"log": LOG, "configuration": BEST}
 
 
@@ -168,7 +169,9 @@ def test_a_limit_on_what_is_better_is_refused(results: Path, metric: str) -> Non
     done = gapeval("compare", results, results, option, f"{metric}=1%")
     assert done.status == 2
     assert is_one_line(done.err)
-    assert metric in done.err
+    assert (
+        f"{metric}: a {option[6:]} is better; limit its {'drop' if metric in HIGHER else 'rise'}" in done.err
+    )
 
 
 @pytest.mark.parametrize(
@@ -299,7 +302,8 @@ def test_other_counts_of_what_is_asked_are_not_comparable(results: Path, tmp_pat
     found = compared(results, moved(results, tmp_path, name, "7"))
     row = the_row(found, LOG, BEST)
     assert (row.mark, found.status) == ("x", NOT_COMPARABLE)
-    assert row.reasons[0].startswith(f"{name}: ")
+    before = f"{value(results, name):.0f}"
+    assert row.reasons == (f"{name}: {before} -> 7, though labels and scoring are the same",)
     assert sum(one.mark == "x" for one in found.rows) == 1
     same = moved(results, tmp_path, name, f"{value(results, name):.3f}")  # 24.000: only written otherwise
     assert compared(results, same).status == FINE
@@ -310,3 +314,31 @@ def test_regressions_of_all_logs_are_seen_in_their_row(results: Path, tmp_path: 
     found = compared(results, new)
     assert found.status == REGRESSION
     assert [row.log for row in found.rows if row.mark == "+"] == [ALL]
+
+
+def test_rows_and_figures_stand_worst_first(results: Path, tmp_path: Path) -> None:
+    """What is lost before what is worse, and by the largest share of any of its figures that are worse."""
+    base = edited(
+        copied(results, tmp_path / "base"), lambda row: row | dict.fromkeys((*HIGHER, *LOWER), "0.5")
+    )
+    new = copied(base, tmp_path / "new")
+    ids = [row["configuration"] for row in table(base / "summary.csv")[:4]]
+    for name, figures in zip(
+        ids,
+        (
+            {"pq": 0.4, "recall": 0.45, "fp_per_frame": 0.0, "gaps": 9000},
+            {"pq": 0.49, "recall": 0.2, "coverage": 0.51},
+            {"sq": None, "pq": 0.499},
+            {"pq": 0.9, "gaps": 9000},
+        ),
+        strict=True,
+    ):
+        edited(new, cells({"log": LOG, "configuration": name}, **figures))
+    rows = [row for row in compared(base, new).rows if row.changes]
+    assert [row.configuration for row in rows] == [ids[2], ids[1], ids[0], ids[3]]
+    assert [[change.metric for change in row.changes] for row in rows] == [
+        ["sq", "pq"],
+        ["recall", "pq", "coverage"],
+        ["pq", "recall", "fp_per_frame", "gaps"],
+        ["pq", "gaps"],
+    ]

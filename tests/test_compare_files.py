@@ -11,13 +11,12 @@ import pytest
 from command import gapeval
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from result_folders import cells, compared, copied, edited, is_one_line, manifest, shown, table
+from result_folders import BEST, cells, compared, copied, edited, is_one_line, manifest, shown, table
 from study_folder import write_studies
 
 from gapeval.compare.outcome import FINE, NOT_COMPARABLE, REGRESSION
 from gapeval.compare.side import read_side
 
-BEST = "2fb9257526a2"
 RANDOM = settings(
     deadline=None,
     derandomize=True,
@@ -273,6 +272,15 @@ def test_a_manifest_that_is_none(results: Path, new: Path, document: str) -> Non
         assert "manifest.json" in refused(results, new)
 
 
+@pytest.mark.parametrize("text", ["", "²", "6.0", "99999999999", "x" * 200_000])
+def test_parameters_that_are_none_are_only_other_rows(results: Path, new: Path, text: str) -> None:
+    edited(new, lambda row: row | {"k": text})
+    for pair in ((results, new), (new, results)):
+        done = gapeval("compare", *pair)
+        assert done.status == (FINE if text == "6.0" else 1 if len(text) > 9999 else REGRESSION), done.err
+        assert done.status != 1 or is_one_line(done.err)
+
+
 # Times
 
 
@@ -284,7 +292,8 @@ def timed(folder: Path, **values: str) -> Path:
 @pytest.mark.parametrize("text", ["nan", "inf", "", "soon", "-1"])
 def test_times_that_are_none_are_an_error(results: Path, new: Path, name: str, text: str) -> None:
     """They are held against limits, and nothing is more than what is no number."""
-    assert "timing.csv" in refused(results, timed(new, **{name: text}))
+    said = refused(results, timed(new, **{name: text}))
+    assert f"timing.csv: {name} of read is {text or 'missing'}; " in said
 
 
 def test_times_fail_by_their_limit_alone(results: Path, new: Path) -> None:

@@ -220,6 +220,14 @@ def test_from_five_logs_on_whole_logs_are_drawn() -> None:
     logs[2] = one_log([1.0] * 12, [0.0] * 12, place=2)
     assert noise_of(*logs[:4]).beyond is True
     assert noise_of(*logs).beyond is False
+    # One without labels is none of five.
+    stamps = np.arange(12) * (SECOND // 10)
+    nothing = log_frames(stamps, [[{"scored_frames": 0.0, "asked": 0.0, "hits": 0.0}] * 12])
+    unlabelled = pair(nothing, nothing, 0.1, 4)
+    assert (unlabelled.evaluated, unlabelled.scored) == (12, 0)
+    values = np.array([[1.0], [0.75]])
+    (found,) = noises(HITS, [*logs[:4], unlabelled], np.array([0]), values)
+    assert (found.beyond, found.unknown) == (True, "")
 
 
 def test_frames_without_labels_are_no_blocks_of_what_needs_labels() -> None:

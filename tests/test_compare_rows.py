@@ -1,46 +1,32 @@
 """Which rows are held against each other, and why others are not."""
 
-import csv
-import io
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from command import gapeval
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from result_folders import (
     ALL,
+    BEST,
+    IDS,
+    by_mark,
     cells,
     compared,
     copied,
     edited,
     is_one_line,
     manifest,
-    shown,
     table,
     the_row,
+    without,
     write_table,
 )
 from small_logs import drive, feature, labels, trench_ring
 
 from gapeval.compare import marks
-from gapeval.compare.outcome import FINE, NOT_COMPARABLE, REGRESSION, Comparison
+from gapeval.compare.outcome import FINE, NOT_COMPARABLE, REGRESSION
 from gapeval.results.tables import PARAMETERS
-
-BEST = "2fb9257526a2"
-IDS = ("3c9b3390da40", BEST, "eeef452bf3a5", "d050fe85d929")
-
-
-def by_mark(comparison: Comparison, mark: str) -> list[tuple[str, str]]:
-    return [(row.log, row.configuration) for row in comparison.rows if row.mark == mark]
-
-
-def without(folder: Path, to: Path, **where: str) -> Path:
-    """A copy without the rows that have these cells, as a sweep without them would have written it."""
-    return edited(copied(folder, to), lambda row: None if row.items() >= where.items() else row)
 
 
 @pytest.fixture
@@ -191,45 +177,6 @@ def test_an_incomparable_log_that_failed_is_both_named(results: Path, new: Path)
     assert len(the_row(found, ALL, BEST).reasons) == 2
 
 
-# Logs
-
-
-def test_logs_that_are_missing_or_extra(results: Path, tmp_path: Path) -> None:
-    alone = without(results, tmp_path / "alone", log="b.mcap")
-    found = compared(results, alone)
-    assert by_mark(found, "!") == [(log, name) for log in ("b.mcap", ALL) for name in IDS]
-    assert the_row(found, ALL, BEST).reasons == ("b.mcap is not in NEW",)
-    assert found.status == REGRESSION
-    found = compared(alone, results)
-    assert by_mark(found, "x") == [(ALL, name) for name in IDS]
-    assert by_mark(found, "*") == [("b.mcap", name) for name in IDS]
-    assert the_row(found, ALL, BEST).reasons == ("b.mcap is not in BASE",)
-    assert found.status == NOT_COMPARABLE
-
-
-def test_a_renamed_log_is_missing_and_extra(results: Path, new: Path) -> None:
-    edited(new, cells({"log": "b.mcap"}, log="c.mcap"))
-    found = compared(results, new)
-    assert (found.status, marks(found)) == (NOT_COMPARABLE, {"x": 4, "!": 4, "*": 4, " ": 4})
-
-
-def test_one_log_is_not_said_twice(results: Path, tmp_path: Path) -> None:
-    """Rows of all logs are those of the only one; but one that says something else is shown."""
-    base = without(results, tmp_path / "base", log="b.mcap")
-    figures = {row["configuration"]: row | {"log": ALL} for row in table(base / "summary.csv")[:4]}
-    edited(base, lambda row: figures[row["configuration"]] if row["log"] == ALL else row)
-    new = copied(base, tmp_path / "new")
-    assert marks(compared(base, new)) == {" ": 4}
-    edited(new, cells({"configuration": BEST}, pq=0.1))
-    assert by_mark(compared(base, new), "+") == [("a.mcap", BEST)]
-    edited(new, cells({"log": "a.mcap", "configuration": BEST}, pq=figures[BEST]["pq"]))
-    found = compared(base, new)
-    assert (found.status, by_mark(found, "+")) == (REGRESSION, [(ALL, BEST)])
-    edited(new, lambda row: None if row["log"] == ALL else row)
-    found = compared(base, new)
-    assert (found.status, by_mark(found, "!")) == (REGRESSION, [(ALL, name) for name in IDS])
-
-
 # Other sweeps
 
 
@@ -317,33 +264,3 @@ def test_a_figure_that_new_does_not_have_is_a_regression(results: Path, new: Pat
     assert (found.status, marks(found)) == (REGRESSION, {"!": 12})
     assert {change.metric for row in found.rows for change in row.changes} == {"over_coverage"}
     assert found.notices == ("NEW has no column over_coverage",)
-
-
-@settings(
-    deadline=None,
-    derandomize=True,
-    max_examples=20,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
-@given(name=st.text(st.characters(codec="utf-8", exclude_characters="\r\n\x00"), min_size=1, max_size=20))
-@pytest.mark.parametrize("table_alone", [False, True])
-def test_logs_of_any_name(results: Path, new: Path, name: str, table_alone: bool) -> None:
-    """Commas, quotes, spaces and other scripts."""
-    if name in (ALL, "a.mcap"):
-        name += "'"
-    base = new.parent / "base"
-    for folder in (base, new):
-        if not folder.exists():
-            copied(results, folder)
-        for file in ("summary.csv", "frames.csv", "labels.csv", "manifest.json"):
-            (folder / file).write_bytes((results / file).read_bytes())
-        for file in ("summary.csv", "frames.csv", "labels.csv"):
-            edited(folder, cells({"log": "b.mcap"}, log=name), file)
-        manifest(folder, lambda document: document["logs"][1].update(log=name))
-    edited(new, cells({"log": name, "configuration": BEST}, hit_rate=0.5))
-    status, document = shown(base / "summary.csv" if table_alone else base, new)
-    assert status == REGRESSION
-    assert [row["log"] for row in document["rows"] if row["mark"] == "+"] == [name]
-    as_csv = gapeval("compare", base, new, "--format", "csv").out
-    assert name in {row["log"] for row in csv.DictReader(io.StringIO(as_csv, newline=""))}
-    assert json.loads((base / "manifest.json").read_text())["logs"][1]["log"] == name

@@ -12,7 +12,6 @@ from gapeval.errors import ConfigError
 
 TIME = "time"  # all stages, of one configuration in one frame; `time.STAGE`: one of them
 Way = Literal["drop", "rise"]
-OTHER: dict[Way, Way] = {"drop": "rise", "rise": "drop"}
 WORSE: dict[Better, tuple[Way, ...]] = {"higher": ("drop",), "lower": ("rise",), "none": ("drop", "rise")}
 AMOUNT = re.compile(r"(?P<number>\+?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)\s*(?P<percent>%?)")
 

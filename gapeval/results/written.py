@@ -11,6 +11,7 @@ from gapeval.errors import GapevalError
 from gapeval.results.tables import PARAMETERS
 
 Row = Mapping[str, str]
+SQUARES = {str(k): str(2**k + 1) for k in range(1, 13)}  # resolutions, by k as it is written
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -64,4 +65,4 @@ def varied(rows: Sequence[Row]) -> tuple[str, ...]:
 def square(row: Row) -> bool:
     """Whether k alone tells the resolution."""
     cells = {row["i_height"], row["i_width"]}
-    return row["k"].isdigit() and cells == {str(2 ** int(row["k"]) + 1)}
+    return cells == {SQUARES.get(row["k"])}
