@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from logs_writer import write_sorted
+from result_folders import swept
 
 
 @pytest.fixture(scope="session")
@@ -15,6 +16,12 @@ def real_data() -> Path:
     if not folder:
         pytest.skip("GAPEVAL_DATA is not set: no real logs to test on")
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of results of two logs and four configurations: to be copied, not changed."""
+    return swept(tmp_path_factory.mktemp("swept"))
 
 
 @pytest.fixture

@@ -1,15 +1,16 @@
 """Compare results for a command, and keep them as a baseline."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
 
 import click
 
 from gapeval.cli.reading import say
 from gapeval.compare import compare, marks
-from gapeval.compare.baseline import is_baseline, read_baseline, write_baseline
+from gapeval.compare.baseline import is_baseline, read_history, write_baseline
 from gapeval.compare.limits import Limits, read_limits
 from gapeval.compare.side import Side, read_side
 from gapeval.config import load_config
@@ -87,26 +88,40 @@ def renew_baseline(folder: Path, output: Path, reason: str | None, with_frames: 
         raise GapevalError(
             f"{folder}: {next(iter(results.failed.values()))}; finish it: gapeval sweep --resume"
         )
-    history = []
-    if output.exists():
-        if output.is_dir() or not is_baseline(output):
-            raise GapevalError(f"{output}: exists and is no baseline; name another file with -o")
-        before = read_baseline(output)
-        if not reason:
-            raise ConfigError(f"{output}: say why it is renewed: --reason TEXT goes into its history")
-        changed = marks(compare(read_side(output), results, Limits({}, {})))
-        history = [*before.history]
-        say(f"{output}: renewed, {_rows(changed)}")
+    if results.scoring is None:
+        raise GapevalError(f"{folder}: {MANIFEST} does not say how it was scored; run what made it again")
     made_by = {name: manifest.get(name) for name in ("gapeval", "revision", "source")}
-    entry = {"reason": reason or FIRST} | made_by
+    entry: dict[str, Any] = {"reason": reason or FIRST} | made_by
+    history: list[Mapping[str, Any]] = []
     if output.exists():
-        entry["rows"] = {mark: count for mark, count in changed.items() if mark != " "}
+        history += _history(output)
+        if not (reason or "").strip():
+            raise ConfigError(f"{output}: say why it is renewed: --reason TEXT goes into its history")
+        entry |= _renewed(output, results)
+    history.append(entry)
     make_folder(output.parent)
-    frames = write_baseline(output, folder, manifest, [*history, entry], with_frames)
+    frames = write_baseline(output, folder, manifest, history, with_frames)
     say(
         f"wrote {output}: {counted(len(results.rows), 'row')}, {counted(frames, 'row')} of frames, "
         f"{output.stat().st_size / 1e6:.2f} MB"
     )
+
+
+def _history(output: Path) -> tuple[Mapping[str, Any], ...]:
+    if output.is_dir() or not is_baseline(output):
+        raise GapevalError(f"{output}: exists and is no baseline; name another file with -o")
+    return read_history(output)
+
+
+def _renewed(output: Path, results: Side) -> dict[str, Any]:
+    """How many rows differ, for the history; nothing if the old figures cannot be read any more."""
+    try:
+        changed = marks(compare(read_side(output), results, Limits({}, {})))
+    except GapevalError as error:
+        say(f"{error}; it is renewed without being compared")
+        return {}
+    say(f"{output}: renewed, {_rows(changed)}")
+    return {"rows": {mark: count for mark, count in changed.items() if mark != " "}}
 
 
 def _rows(changed: dict[str, int]) -> str:

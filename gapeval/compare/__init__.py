@@ -59,7 +59,7 @@ def _notices(rows: Sequence[Row], base: Side, new: Side) -> Iterator[str]:
     for name, one, other in (("BASE", base, new), ("NEW", new, base)):
         missing = [metric for metric in FIGURES if metric not in one.rows[0] and metric in other.rows[0]]
         if missing:
-            yield f"{name} has no column {', '.join(missing)}: not compared"
+            yield f"{name} has no column {', '.join(missing)}" + (": not compared" if one is base else "")
     for log in sorted(base.logs & new.logs):
         if base.scoring and new.scoring and not base.origin.logs.get(log) and not new.origin.logs.get(log):
             yield f"{log}: nothing says whether its contents are the same"

@@ -29,6 +29,7 @@ COLUMNS = (
     *(name for name in FIGURES if name not in SUMS),
     *(*SUMS, "hit", "missed"),
 )
+NEEDED = ("log", "configuration", "stamp", "hit", "missed")  # of the columns, to read it at all
 # What must be known of where it was made from to say whether results can be compared with it.
 KEPT = ("gapeval", "revision", "source", "scorer", "scoring", "logs")
 KEPT_OF_LOGS = ("log", "sha256", "labels", "frames")
@@ -65,27 +66,38 @@ def is_baseline(path: Path) -> bool:
 
 
 def read_baseline(path: Path) -> Baseline:
-    """Raises GapevalError."""
-    above = _lines_above(path)
-    try:
-        document = json.loads("".join(line[len(OPENING) :] for line in above))
-        if document["kind"] != KIND or not isinstance(document["history"], list):
-            raise ValueError("kind")
-    except (ValueError, KeyError, TypeError) as error:
-        raise GapevalError(f"{path}: no baseline; make one with gapeval baseline") from error
-    if document["version"] != VERSION:
+    """Raises GapevalError. What an earlier version did not have may be missing."""
+    document, lines = _above(path)
+    if document.get("version") != VERSION:
         raise GapevalError(
             f"{path}: a baseline of another version of gapeval; renew it with gapeval baseline"
         )
     rows, hits = [], {}
-    for row in read_rows(path, COLUMNS, len(above)):
+    for row in read_rows(path, NEEDED, lines):
         if row["stamp"]:
             hits[row["log"], _stamp(path, row), row["configuration"]] = _states(path, row)
         else:
             rows.append(row)
     if not rows:
         raise GapevalError(f"{path}: no rows; renew it with gapeval baseline")
-    return Baseline(path, document, tuple(document["history"]), tuple(rows), hits, len(above))
+    return Baseline(path, document, tuple(document["history"]), tuple(rows), hits, lines)
+
+
+def read_history(path: Path) -> tuple[Mapping[str, Any], ...]:
+    """Of a baseline of any version. Raises GapevalError."""
+    return tuple(_above(path)[0]["history"])
+
+
+def _above(path: Path) -> tuple[dict[str, Any], int]:
+    """What stands above the table, with a history, and in how many lines. Raises GapevalError."""
+    above = _lines_above(path)
+    try:
+        document = json.loads("".join(line[len(OPENING) :] for line in above))
+        if document["kind"] != KIND or not all(isinstance(entry, dict) for entry in document["history"]):
+            raise ValueError("kind")
+    except (ValueError, KeyError, TypeError) as error:
+        raise GapevalError(f"{path}: no baseline; make one with gapeval baseline") from error
+    return document, len(above)
 
 
 def _lines_above(path: Path) -> list[str]:
@@ -111,6 +123,8 @@ def _stamp(path: Path, row: Row) -> int:
 def _states(path: Path, row: Row) -> States:
     try:
         labels = [json.loads(row[name] or "[]") for name in ("hit", "missed")]
+        if not all(isinstance(names, list) for names in labels):
+            raise ValueError("list")
     except ValueError as error:
         raise GapevalError(f"{path}: frame {row['stamp']}: no list of labels; renew it") from error
     return {str(label): hit for hit, names in zip((True, False), labels, strict=True) for label in names}
@@ -125,10 +139,10 @@ def write_baseline(
 ) -> int:
     """From a folder of results with this manifest; returns the number of its frames. Raises GapevalError."""
     kept: dict[str, Any] = {name: manifest.get(name) for name in KEPT}
-    kept["logs"] = [{name: entry.get(name) for name in KEPT_OF_LOGS} for entry in manifest["logs"]]
+    kept["logs"] = [{name: entry.get(name) for name in KEPT_OF_LOGS} for entry in manifest.get("logs") or ()]
     document = {"kind": KIND, "version": VERSION, "history": list(history)} | kept
     text = io.StringIO()
-    for line in json.dumps(document, indent=1, ensure_ascii=False).splitlines():
+    for line in json.dumps(document, indent=1, ensure_ascii=False).split("\n"):
         text.write(f"{OPENING}{line}\n")
     table = csv.DictWriter(text, COLUMNS, restval="", extrasaction="ignore", lineterminator="\n")
     table.writeheader()

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from gapeval.compare.figures import FIGURES
 from gapeval.compare.labels import label_changes
 from gapeval.compare.noise import NAN, Pair, noises, pair
-from gapeval.compare.outcome import Change, LabelChange, Noise, Row
-from gapeval.compare.rows import TOLERANCE
+from gapeval.compare.outcome import TOLERANCE, Change, LabelChange, Noise, Row
 from gapeval.compare.side import Side
 from gapeval.errors import GapevalError
 from gapeval.results.store import ALL

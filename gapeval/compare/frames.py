@@ -64,7 +64,7 @@ def read_frames(path: Path, skipped: int, configurations: Collection[str]) -> di
         )
     except OSError as error:
         raise GapevalError(f"{path}: cannot be read: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError, csv.Error) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, csv.Error) as error:
         what = " ".join(str(error).split())
         raise GapevalError(f"{path}: not as gapeval writes it: {what}; make it again") from error
     rows = table[table["stamp"].notna()]
@@ -75,7 +75,8 @@ def _of(lines: Iterator[bytes], place: int, configurations: Collection[bytes]) -
     """Of many lines those of some configurations, before more is done with them."""
     for line in lines:
         cells = line.split(b",", place + 1)
-        if b'"' in line and cells[0].startswith(b'"'):  # a log whose name holds a comma
+        # A name that holds a comma or a quote.
+        if b'"' in line and any(cell.startswith(b'"') for cell in cells[: place + 1]):
             cells = [cell.encode() for cell in next(csv.reader([line.decode()]))]
         if len(cells) <= place or cells[place] in configurations:  # what is cut off is refused later
             yield line
@@ -91,6 +92,9 @@ def _one_log(path: Path, rows: "pd.DataFrame") -> LogFrames:
     if len(place) != len(stamps) * len(found) or len(np.unique(place)) != len(place):
         raise GapevalError(f"{path}: rows are missing or there twice; make it again")
     order, shape = np.argsort(place), (len(stamps), len(found))
-    # What was not scored adds nothing.
-    sums = {name: np.nan_to_num(rows[name].to_numpy())[order].reshape(shape) for name in SUMS}
+    sums = {name: rows[name].to_numpy()[order].reshape(shape) for name in SUMS}
+    for name, values in sums.items():
+        if np.isinf(values).any():
+            raise GapevalError(f"{path}: {name} is infinite; make it again")
+        np.nan_to_num(values, copy=False)  # what was not scored adds nothing
     return LogFrames(stamps, {str(name): at for at, name in enumerate(found)}, sums)

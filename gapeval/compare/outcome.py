@@ -18,6 +18,7 @@ MARKS: dict[Mark, str] = {  # worst first
 REGRESSIONS: tuple[Mark, ...] = ("!", "+")
 
 FINE, REGRESSION, NOT_COMPARABLE = 0, 3, 4  # exit statuses
+TOLERANCE = 1e-9  # what machines differ by
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +36,7 @@ class Noise:
     @property
     def beyond(self) -> bool | None:
         """Whether a change is beyond noise; None: unknown."""
-        return None if self.unknown else not self.low <= 0 <= self.high
+        return None if self.unknown else not (self.low <= TOLERANCE and self.high >= -TOLERANCE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 from gapeval.compare.figures import ASKED, FIGURES
 from gapeval.compare.limits import WORSE, Limits, Way
-from gapeval.compare.outcome import MARKS, Change, Mark, Row
+from gapeval.compare.outcome import MARKS, TOLERANCE, Change, Mark, Row
 from gapeval.compare.side import Side
 from gapeval.errors import GapevalError
 from gapeval.results.store import ALL
@@ -16,7 +16,6 @@ from gapeval.results.tables import PARAMETERS
 from gapeval.results.written import Row as Texts
 from gapeval.results.written import number
 
-TOLERANCE = 1e-9  # what machines differ by
 DECIDES_INTERVALS = ("block",)  # of scoring, which no figure depends on
 
 
@@ -94,7 +93,10 @@ def _as_a_whole(pair: Joined, objection: "Objection") -> tuple[Mark | None, tupl
 
 def _figures(row: Texts | None, side: Side) -> dict[str, float | None]:
     """Empty for a missing row. Raises GapevalError."""
-    found = {} if row is None else {name: number(row, name) for name in FIGURES if name in row}
+    try:
+        found = {} if row is None else {name: number(row, name) for name in FIGURES if name in row}
+    except GapevalError as error:
+        raise GapevalError(f"{side.origin.path}: {error}") from error
     for name, value in found.items():
         if value is not None and not math.isfinite(value):
             raise GapevalError(f"{side.origin.path}: {name} is {value}; make the results again")
@@ -104,10 +106,11 @@ def _figures(row: Texts | None, side: Side) -> dict[str, float | None]:
 def _changes(
     before: Mapping[str, float | None], after: Mapping[str, float | None], limits: Limits
 ) -> tuple[Change, ...]:
+    # A figure without a column in NEW is lost; one without a column in BASE is held against nothing.
     found = [
         change
         for name, value in before.items()
-        if name in after and (change := _change(name, value, after[name], limits)) is not None
+        if (change := _change(name, value, after.get(name), limits)) is not None
     ]
     return tuple(sorted(found, key=_severity))
 
@@ -122,10 +125,14 @@ def _severity(change: Change) -> tuple[int, float]:
 
 
 def size(change: Change) -> float:
-    """How large a change is, from 0 to 2, as a share of the larger value; 1 where a side is undefined."""
+    """How large a change is, from 0 to 2, as a share of the larger value; 1 where a side is undefined.
+
+    Without last bits, which would sort equal changes otherwise on another machine.
+    """
     if change.base is None or change.new is None:
         return 1.0
-    return abs(change.new - change.base) / max(abs(change.base), abs(change.new), TOLERANCE)
+    share = abs(change.new - change.base) / max(abs(change.base), abs(change.new), TOLERANCE)
+    return round(share, 9)
 
 
 def _change(metric: str, base: float | None, new: float | None, limits: Limits) -> Change | None:

@@ -1,5 +1,7 @@
 """One of the two that are compared: a folder of results, its summary.csv, or a baseline."""
 
+import math
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,11 +11,12 @@ from gapeval.compare.baseline import Baseline, is_baseline, read_baseline
 from gapeval.compare.frames import LogFrames, read_frames
 from gapeval.compare.labels import LabelFile, States
 from gapeval.compare.limits import TIME
+from gapeval.compare.origin import checked, frames, origin, scoring
 from gapeval.compare.outcome import Origin, Spread
 from gapeval.errors import GapevalError
 from gapeval.results.store import ALL, MANIFEST
 from gapeval.results.tables import FRAMES, LABELS, SUMMARY, TIMING, TIMING_COLUMNS
-from gapeval.results.written import Row, number, read_json, read_rows
+from gapeval.results.written import Row, read_json, read_rows
 
 NAMED_BY = ("log", "configuration")
 
@@ -57,12 +60,13 @@ def read_side(path: Path) -> Side:
     if path.is_file() and is_baseline(path):
         return _of_baseline(path, read_baseline(path))
     if path.is_dir():
-        return _of_folder(path, path, read_json(path / MANIFEST))
+        return _of_folder(path, path)
     beside = path.name == SUMMARY and (path.parent / MANIFEST).exists()
-    return _of_folder(path, path.parent, read_json(path.parent / MANIFEST)) if beside else _of_table(path)
+    return _of_folder(path, path.parent) if beside else _of_table(path)
 
 
-def _of_folder(given: Path, folder: Path, manifest: Mapping[str, Any]) -> Side:
+def _of_folder(given: Path, folder: Path) -> Side:
+    manifest = checked(folder / MANIFEST, read_json(folder / MANIFEST))
     table = folder / SUMMARY
     if not table.exists():
         raise GapevalError(f"{folder}: no {SUMMARY}; name the folder of a sweep or a score")
@@ -74,15 +78,15 @@ def _of_folder(given: Path, folder: Path, manifest: Mapping[str, Any]) -> Side:
     order = [tuple(dict.fromkeys(row[name] for row in rows)) for name in NAMED_BY]
     record = Folder(folder, LabelFile(folder / LABELS, *order))
     timing = folder / TIMING
-    times = _times(tuple(read_rows(timing, TIMING_COLUMNS))) if timing.exists() else {}
-    return Side(origin(given, manifest), _scoring(manifest), _frames(manifest), failed, rows, times, record)
+    times = _times(timing, tuple(read_rows(timing, TIMING_COLUMNS))) if timing.exists() else {}
+    return Side(origin(given, manifest), scoring(manifest), frames(manifest), failed, rows, times, record)
 
 
 def _of_baseline(path: Path, baseline: Baseline) -> Side:
-    found = origin(path, baseline.manifest, baseline.history)
-    return Side(
-        found, _scoring(baseline.manifest), _frames(baseline.manifest), {}, baseline.rows, {}, baseline
-    )
+    manifest = checked(path, baseline.manifest)
+    found = origin(path, manifest, baseline.history)
+    rows = _each_once(path, baseline.rows)
+    return Side(found, scoring(manifest), frames(manifest), {}, rows, {}, baseline)
 
 
 def _of_table(path: Path) -> Side:
@@ -94,45 +98,26 @@ def _rows(path: Path) -> tuple[Row, ...]:
     rows = tuple(read_rows(path, NAMED_BY))
     if not rows:
         raise GapevalError(f"{path}: no rows; run the sweep again")
+    return _each_once(path, rows)
+
+
+def _each_once(path: Path, rows: tuple[Row, ...]) -> tuple[Row, ...]:
+    """The same rows. Of two for one thing the worse could be hidden by the other. Raises GapevalError."""
+    named = Counter(tuple(row[name] for name in NAMED_BY) for row in rows)
+    twice = [", ".join(name) for name, count in named.items() if count > 1]
+    if twice:
+        raise GapevalError(f"{path}: the row of {twice[0]} is there twice; make it again")
     return rows
 
 
-def origin(path: Path, manifest: Mapping[str, Any], history: tuple[Mapping[str, Any], ...] = ()) -> Origin:
-    logs = [entry for entry in manifest.get("logs") or () if isinstance(entry, dict)]
-    gapeval, revision, source, scorer = (
-        str(manifest.get(name) or "") for name in ("gapeval", "revision", "source", "scorer")
-    )
-    return Origin(
-        str(path),
-        gapeval,
-        revision,
-        source,
-        scorer,
-        logs={str(entry.get("log")): str(entry.get("sha256") or "") for entry in logs},
-        labels={str(entry.get("log")): str(entry.get("labels") or "") for entry in logs},
-        history=history,
-    )
-
-
-def _scoring(manifest: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    found = manifest.get("scoring")
-    return found if isinstance(found, dict) else None
-
-
-def _frames(manifest: Mapping[str, Any]) -> dict[str, int]:
-    return {
-        str(entry.get("log")): int(entry.get("frames") or 0)
-        for entry in manifest.get("logs") or ()
-        if isinstance(entry, dict)
-    }
-
-
-def _times(rows: tuple[Row, ...]) -> dict[str, dict[str, Spread]]:
+def _times(path: Path, rows: tuple[Row, ...]) -> dict[str, dict[str, Spread]]:
     """Seconds of each stage, as it is done, and of all of them for one configuration in one frame."""
     found: dict[str, dict[str, Spread]] = {}
     for log in dict.fromkeys(row["log"] for row in rows):
         of_log = [row for row in rows if row["log"] == log]
-        stages = {row["stage"]: (_spread(row), number(row, "shared_by") or 1.0) for row in of_log}
+        stages = {
+            row["stage"]: (_spread(path, row), _seconds(path, row, "shared_by") or 1.0) for row in of_log
+        }
         whole = Spread(
             sum(spread.median / shared for spread, shared in stages.values()),
             sum(spread.p95 / shared for spread, shared in stages.values()),
@@ -142,8 +127,21 @@ def _times(rows: tuple[Row, ...]) -> dict[str, dict[str, Spread]]:
     return found
 
 
-def _spread(row: Row) -> Spread:
-    return Spread(number(row, "median") or 0.0, number(row, "p95") or 0.0, int(number(row, "frames") or 0))
+def _spread(path: Path, row: Row) -> Spread:
+    median, p95, frames = (_seconds(path, row, name) for name in ("median", "p95", "frames"))
+    return Spread(median, p95, int(frames))
+
+
+def _seconds(path: Path, row: Row, name: str) -> float:
+    """Or a number of them. What is no number is over no limit, so it is refused. Raises GapevalError."""
+    text = row[name]
+    try:
+        found = float(text)
+    except ValueError:
+        found = math.nan
+    if not 0 <= found < math.inf:
+        raise GapevalError(f"{path}: {name} of {row['stage']} is {text or 'missing'}; make it again")
+    return found
 
 
 @dataclass(frozen=True, slots=True)
