@@ -191,7 +191,7 @@ def test_a_summary_that_is_cut_off_never_passes(results: Path, new: Path) -> Non
 @RANDOM
 @given(st.data())
 def test_frames_that_are_cut_off_change_no_verdict(results: Path, new: Path, data: st.DataObject) -> None:
-    """Frames explain; figures decide. Labels that cannot be read are an error."""
+    """Frames explain; figures decide."""
     worse(new)
     edited(new, cells({"log": "a.mcap", "configuration": BEST}, hit_rate=0.5))
     whole = (results / "frames.csv").read_bytes()
@@ -204,6 +204,22 @@ def test_frames_that_are_cut_off_change_no_verdict(results: Path, new: Path, dat
     if size < len(whole) - 3:
         assert row["unknown"] or (row["log"] == "a.mcap" and size > len(whole) // 2)
     assert all(change["noise"]["beyond"] is None for change in row["changes"])  # they do not add up
+
+
+@pytest.mark.parametrize("side", ["base", "new"])
+def test_labels_that_cannot_be_read_change_no_verdict(results: Path, new: Path, side: str) -> None:
+    worse(new)
+    edited(new, cells({"log": "a.mcap", "configuration": BEST}, hits="0"), "frames.csv")
+    base = copied(results, new.parent / "base")
+    path = (base if side == "base" else new) / "labels.csv"
+    path.write_bytes(path.read_bytes()[:-300])
+    status, document = shown(base, new)
+    assert status == REGRESSION
+    assert document["rows"][0]["frames"] == list(range(24))
+    path.write_text("nothing\n")
+    status, document = shown(base, new)
+    assert status == REGRESSION
+    assert "labels.csv" in document["rows"][0]["unknown"]
 
 
 JSON = st.recursive(
@@ -277,8 +293,13 @@ def test_times_fail_by_their_limit_alone(results: Path, new: Path) -> None:
     assert shown(results, slow, "--max-rise", "time=1%")[0] == REGRESSION
     assert shown(results, slow, "--max-rise", "time.find_contours=9.0")[0] == REGRESSION
     assert shown(results, slow, "--max-rise", "time.find_contours=10.0")[0] == FINE
-    assert shown(results, slow, "--max-rise", "time.find_contors=10.0")[0] == NOT_COMPARABLE
     assert shown(slow, results, "--max-rise", "time=0")[0] == FINE
+    done = gapeval("compare", results, slow, "--max-rise", "time.find_contors=10.0")
+    assert (done.status, is_one_line(done.err)) == (2, True)
+    edited(slow, lambda row: None if row["stage"] == "read" and row["log"] == "b.mcap" else row, "timing.csv")
+    for pair in ((results, slow), (slow, results)):
+        assert shown(*pair, "--max-rise", "time.read=1000")[0] == NOT_COMPARABLE
+        assert shown(*pair)[0] == FINE
 
 
 def test_a_limit_on_times_that_are_not_there(results: Path, new: Path) -> None:
