@@ -9,9 +9,9 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from gapeval.cli import cli
-from gapeval.compare.figures import FIGURES
 from gapeval.config import Config
 from gapeval.results import tables
+from gapeval.results.figures import FIGURES
 
 DOCS = Path(__file__).parent.parent / "docs"
 MADE = r"(<!-- {name}: made by scripts/{script} -->\n).*?(<!-- end -->)"

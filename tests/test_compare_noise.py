@@ -14,10 +14,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from result_folders import cells, compared, copied, edited, shown, swept, table, the_change, the_row
 
-from gapeval.compare.figures import FIGURES, Figure
 from gapeval.compare.frames import LogFrames
 from gapeval.compare.noise import Pair, noises, pair
 from gapeval.compare.outcome import FINE, Noise
+from gapeval.results.figures import FIGURES, Figure
 from gapeval.scoring.intervals import block_draws, log_draws
 
 SECOND = 1_000_000_000

@@ -9,9 +9,9 @@ import pytest
 from comparisons import comparison, comparisons, large, realistic, row
 from hypothesis import given
 
-from gapeval.compare.figures import FIGURES
 from gapeval.compare.outcome import Comparison
 from gapeval.report.comparisons.bench import bench
+from gapeval.results.figures import FIGURES
 
 SHARES = {
     *("hit_rate", "coverage", "precision", "recall", "f1", "sq", "rq", "pq"),

@@ -98,3 +98,11 @@ def test_what_is_worse_in_a_row_that_is_not_comparable_is_told_all_the_same() ->
     (case,) = suite(found).findall("testcase")
     assert outcome(case) == "error"
     assert case[0].text == "not comparable: other labels\nworse: pq 0.5 -> 0.4, -0.1"
+
+
+def test_where_both_come_from_stands_among_the_properties() -> None:
+    suite = ElementTree.fromstring(junit(realistic()))[0]
+    told = {one.get("name"): one.get("value") for one in suite.iter("property")}
+    assert told["BASE.revision"] == "97c42f3e97c4"
+    assert told["street.mcap.sha256"] == "5f3c5f3c5f3c"
+    assert told["tunnel.mcap.labels"] == "0b0c0b0c0b0c -> 1c1d1c1d1c1d"

@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Sequence
 
 from gapeval.compare.details import with_details
-from gapeval.compare.figures import FIGURES
 from gapeval.compare.limits import Limits
 from gapeval.compare.outcome import MARKS, REGRESSIONS, Comparison, Row
 from gapeval.compare.rows import joined, judged, objections, rank, size
 from gapeval.compare.side import Side
 from gapeval.compare.times import times
 from gapeval.config import Scoring
+from gapeval.results.figures import FIGURES
 from gapeval.results.store import ALL
 from gapeval.results.written import varied
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gapeval.compare.figures import FIGURES
 from gapeval.compare.frames import LogFrames, read_frames
 from gapeval.compare.labels import States
 from gapeval.errors import GapevalError
 from gapeval.files import write_whole
+from gapeval.results.figures import FIGURES
 from gapeval.results.tables import FRAMES, LABELS, PARAMETERS, SUMMARY
 from gapeval.results.written import Row, read_rows
 from gapeval.scoring.metrics import SUMS

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.compare.figures import FIGURES
 from gapeval.compare.labels import label_changes
 from gapeval.compare.noise import NAN, Pair, noises, pair
 from gapeval.compare.outcome import TOLERANCE, Change, LabelChange, Noise, Row
 from gapeval.compare.side import Side
 from gapeval.errors import GapevalError
+from gapeval.results.figures import FIGURES
 from gapeval.results.store import ALL
 from gapeval.scoring.metrics import SUMS
 

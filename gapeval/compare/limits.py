@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Literal
 
-from gapeval.compare.figures import FIGURES, Better
 from gapeval.errors import ConfigError
+from gapeval.results.figures import FIGURES, Better
 
 TIME = "time"  # all stages, of one configuration in one frame; `time.STAGE`: one of them
 Way = Literal["drop", "rise"]

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.compare.figures import Figure
 from gapeval.compare.frames import LogFrames
 from gapeval.compare.outcome import Noise
 from gapeval.frame import FloatArray
 from gapeval.ragged import IndexArray
+from gapeval.results.figures import Figure
 from gapeval.results.tally import SEED
 from gapeval.scoring.intervals import (
     LEAST_BLOCKS,

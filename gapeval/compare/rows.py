@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gapeval.compare.figures import ASKED, FIGURES
 from gapeval.compare.limits import WORSE, Limits, Way
 from gapeval.compare.outcome import MARKS, TOLERANCE, Change, Mark, Row
 from gapeval.compare.side import Side
 from gapeval.errors import GapevalError
+from gapeval.results.figures import ASKED, FIGURES
 from gapeval.results.store import ALL
 from gapeval.results.tables import PARAMETERS
 from gapeval.results.written import Row as Texts

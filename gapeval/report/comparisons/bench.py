@@ -5,9 +5,9 @@ import math
 from collections import Counter
 from collections.abc import Iterator
 
-from gapeval.compare.figures import FIGURES
 from gapeval.compare.outcome import Change, Comparison, Row, Spread, Time
 from gapeval.report.comparisons.words import figure, parameters, plain
+from gapeval.results.figures import FIGURES
 
 Entry = dict[str, str | float]
 

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 
 from gapeval.compare.outcome import Comparison, Row, Time
 from gapeval.report.comparisons.failures import FAILURES, WORDS, account, worst
-from gapeval.report.comparisons.origins import ORIGINS, origin_cells
+from gapeval.report.comparisons.origins import LOGS, ORIGINS, log_cells, origin_cells
 from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.comparisons.words import frames_sentence, parameters, plain
 
@@ -55,6 +55,9 @@ def _properties(comparison: Comparison) -> ElementTree.Element:
     for name, *cells in origin_cells(comparison):
         for field, cell in zip(ORIGINS[1:], cells, strict=True):
             ElementTree.SubElement(found, "property", {"name": f"{name}.{field}", "value": cell})
+    for log, *digests in log_cells(comparison):
+        for field, digest in zip(LOGS[1:], digests, strict=True):
+            ElementTree.SubElement(found, "property", {"name": f"{log}.{field}", "value": digest})
     return found
 
 

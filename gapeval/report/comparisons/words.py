@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-from gapeval.compare.figures import FIGURES
 from gapeval.compare.outcome import MARKS, Change, LabelChange, Noise, Row, Time
 from gapeval.report.text import counted, short
+from gapeval.results.figures import FIGURES
 from gapeval.scoring.metrics import COUNTS
 
 UNITS = {figure.name: figure.unit for figure in FIGURES.values() if figure.unit != "1"}
