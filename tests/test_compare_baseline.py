@@ -39,7 +39,7 @@ def made(results: Path, tmp_path: Path) -> Path:
     path = tmp_path / "baseline.csv"
     done = kept(results, path)
     assert done.status == 0, done.err
-    assert done.err.startswith(f"wrote {path}: 12 rows, 144 rows of frames, ")
+    assert done.err.startswith(f"wrote {path}: 4 configurations on 2 logs, 144 rows of frames, ")
     return path
 
 
@@ -82,9 +82,45 @@ def test_it_says_what_its_folder_says(results: Path, new: Path, made: Path, name
         assert row["changes"][0]["noise"]["beyond"] is True
 
 
-def test_as_the_new_side_it_is_as_good(results: Path, new: Path, made: Path) -> None:
+def test_it_goes_first(results: Path, made: Path) -> None:
+    """The other way round, a row that the results lack would be new, and fine."""
+    done = gapeval("compare", results, made)
+    assert (done.status, done.out) == (2, "")
+    assert is_one_line(done.err)
+    assert "goes first" in done.err
+
+
+def test_two_of_them_are_compared_as_their_folders(results: Path, new: Path, made: Path) -> None:
     missed(new)
-    assert shown(new, made)[1]["rows"] == shown(new, results)[1]["rows"]
+    other = made.with_name("other.csv")
+    assert kept(new, other).status == 0
+    assert shown(made, other)[1]["rows"] == shown(results, new)[1]["rows"]
+
+
+def test_a_byte_order_mark_of_a_spreadsheet_is_no_matter(results: Path, made: Path) -> None:
+    rows = shown(made, results)[1]["rows"]
+    made.write_bytes(b"\xef\xbb\xbf" + made.read_bytes())
+    assert shown(made, results)[1]["rows"] == rows
+
+
+@pytest.mark.parametrize("line", [3, 60])
+def test_a_merge_conflict_is_called_one(results: Path, made: Path, line: int) -> None:
+    lines = made.read_text().splitlines(keepends=True)
+    lines[line:line] = ["<<<<<<< HEAD\n", lines[line], "=======\n", lines[line], ">>>>>>> theirs\n"]
+    made.write_text("".join(lines))
+    done = gapeval("compare", made, results)
+    assert done.status == 1
+    assert is_one_line(done.err)
+    assert "merge conflict" in done.err
+
+
+def test_its_history_says_which_metrics_moved(results: Path, new: Path, made: Path) -> None:
+    edited(new, cells({"log": "a.mcap"}, coverage=0.01))
+    assert kept(new, made, "--reason", "  ").status == 2
+    assert kept(new, made, "--reason", "less of it").status == 0
+    last = above(made)["history"][-1]
+    assert last["worse"] == {"coverage": 4}
+    assert "better" not in last
 
 
 def test_without_frames_the_verdict_is_the_same(results: Path, new: Path, tmp_path: Path) -> None:
