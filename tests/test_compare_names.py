@@ -1,5 +1,7 @@
 """Logs that are called differently in BASE and NEW, and folders that are not what they seem."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -126,6 +128,15 @@ def test_no_baseline_yet(new: Path, tmp_path: Path) -> None:
     done = gapeval("compare", tmp_path / "baseline.csv", new)
     assert done.status == 1
     assert f"gapeval baseline DIR -o {tmp_path / 'baseline.csv'}" in done.err
+
+
+def test_a_full_disk_is_no_bug_of_ours(results: Path) -> None:
+    command = [sys.executable, "-m", "gapeval", "compare", results, results]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 1
+    assert is_one_line(done.stderr)
+    assert "No space left" in done.stderr
 
 
 def test_a_dash_is_the_terminal(results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
