@@ -64,9 +64,7 @@ def test_from_the_first_sweep_to_a_renewal(swept: Path) -> None:
     assert run(SWEEP).status == 0
     worse = run(COMPARE)
     assert worse.status == 3
-    said = iter(worse.out.splitlines())
-    for line in block("<!-- of compare -->").splitlines():
-        assert line in said  # and those before it came before
+    says(worse, "<!-- of compare -->")
     assert run(the_command("detect")).status == 0
     assert Path("frame.png").exists()
     renewal = the_command("baseline", "--reason")
@@ -75,6 +73,37 @@ def test_from_the_first_sweep_to_a_renewal(swept: Path) -> None:
     again = run(COMPARE)
     assert again.status == 0
     assert shlex.split(renewal)[-1] in again.out
+
+
+def test_what_is_not_comparable(swept: Path) -> None:
+    assert "`scoring: {iou: 0.4}`" in PAGE
+    swept.write_text(swept.read_text() + "scoring: {iou: 0.4}\n")
+    assert run(SWEEP).status == 0
+    refused = run(COMPARE)
+    assert refused.status == 4
+    says(refused, "<!-- of what is not comparable -->")
+
+
+def says(found: Result, after: str) -> None:
+    """The lines of a block, in their order, and others between them."""
+    said = iter(found.out.splitlines())
+    for line in block(after).splitlines():
+        assert line in said
+
+
+def test_a_folder_without_a_manifest_is_an_error_and_a_table_without_is_not_comparable(swept: Path) -> None:
+    Path("results/manifest.json").unlink()
+    assert run(COMPARE).status == 1
+    assert run(COMPARE + "summary.csv").status == 4
+
+
+def test_a_configuration_that_cannot_be_used_is_a_matter_of_usage(swept: Path) -> None:
+    command = the_command("--config", "compare")
+    for text in ("compare: {max_drop: {nonsense: 1}}", "nonsense: 1"):
+        swept.write_text(text)
+        assert run(command).status == 2
+    swept.unlink()
+    assert run(command).status == 2
 
 
 def test_limits_of_options_and_of_the_file_are_understood(swept: Path) -> None:

@@ -2,6 +2,7 @@
 
 import random
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 from comparisons import INF, NAN, comparison, comparisons, for_people, row
@@ -61,6 +62,13 @@ def test_the_same_in_markdown_after_the_verdict_and_the_notices() -> None:
     assert blocks[5] == "Only better: `over_area` in 2 rows"
 
 
+def share(change: Change) -> float:
+    """Of the larger value; all of it where one is undefined."""
+    if change.base is None or change.new is None:
+        return 1.0
+    return round(abs(change.new - change.base) / max(abs(change.base), abs(change.new), 1e-9), 9)
+
+
 @given(comparisons())
 def test_as_counted(found) -> None:
     changed = [one for one in found.rows if one.changes]
@@ -71,12 +79,17 @@ def test_as_counted(found) -> None:
     assert {one.metric: (one.worse, one.better) for one in said} == expected
     ranks = [tuple(MARKS).index(one.change.mark) for one in said]
     assert ranks == sorted(ranks)
+    for one, after in pairwise(said):
+        assert ranks[said.index(one)] < ranks[said.index(after)] or share(one.change) >= share(after.change)
     for one in said:
         of_metric = [change for _, change in told if change.metric == one.metric and change.mark in "!+"]
         beyond = [change.noise.beyond for change in of_metric if change.noise is not None]
         assert (one.known, one.beyond) == (len(beyond) - beyond.count(None), beyond.count(True))
         assert one.change in one.row.changes
-        assert all(tuple(MARKS).index(one.change.mark) <= tuple(MARKS).index(c.mark) for c in of_metric)
+        worst = min(tuple(MARKS).index(change.mark) for change in of_metric)
+        assert tuple(MARKS).index(one.change.mark) == worst
+        alike = [change for change in of_metric if tuple(MARKS).index(change.mark) == worst]
+        assert share(one.change) == max(map(share, alike))
     assert only_better(found.rows) == {
         m: of.count("-") for m, of in lost.items() if "-" in of and m not in expected
     }

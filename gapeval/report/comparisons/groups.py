@@ -54,8 +54,8 @@ def members(group: Group, varied: Sequence[str]) -> list[Members]:
     """All rows of a group."""
     of_log: dict[str, list[str]] = {}
     for row in group.rows:
-        name = f"{plain(row.configuration)} {parameters(row, varied)}".strip()
-        of_log.setdefault(plain(row.log), []).append(name)
+        words = (plain(row.configuration), parameters(row, varied))
+        of_log.setdefault(plain(row.log), []).append(" ".join(filter(None, words)))
     alike: dict[tuple[str, ...], list[str]] = {}
     for log, names in of_log.items():
         alike.setdefault(tuple(names), []).append(log)
