@@ -329,16 +329,16 @@ def test_rows_and_figures_stand_worst_first(results: Path, tmp_path: Path) -> No
             {"pq": 0.4, "recall": 0.45, "fp_per_frame": 0.0, "gaps": 9000},
             {"pq": 0.49, "recall": 0.2, "coverage": 0.51},
             {"sq": None, "pq": 0.499},
-            {"pq": 0.9, "gaps": 9000},
+            {"pq": 0.9, "gaps": 9000, "splits": 6.0, "over_area": 9.0, "f1": 0.3},
         ),
         strict=True,
     ):
         edited(new, cells({"log": LOG, "configuration": name}, **figures))
     rows = [row for row in compared(base, new).rows if row.changes]
-    assert [row.configuration for row in rows] == [ids[2], ids[1], ids[0], ids[3]]
+    assert [row.configuration for row in rows] == [ids[2], ids[3], ids[1], ids[0]]
     assert [[change.metric for change in row.changes] for row in rows] == [
         ["sq", "pq"],
+        ["over_area", "f1", "splits", "pq", "gaps"],
         ["recall", "pq", "coverage"],
         ["pq", "recall", "fp_per_frame", "gaps"],
-        ["pq", "gaps"],
     ]
