@@ -56,9 +56,13 @@ def whole_file(path: Path) -> Iterator[IO[str]]:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """One file of bytes, whole or not there. Raises GapevalError."""
+    """One file of bytes, whole or not there; a link stays one. Raises GapevalError."""
+    path = path.resolve()
     unfinished = path.with_name(path.name + UNFINISHED)
     try:
+        if path.exists() and not path.is_file():  # a device or a pipe, which must stay what it is
+            path.write_bytes(content)
+            return
         unfinished.write_bytes(content)
         unfinished.replace(path)
     except OSError as error:

@@ -45,7 +45,7 @@ class Label:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Labels:
-    """A label file. stamps: the frames that were labelled [ns]; None means all."""
+    """A label file. sha256: of what it says. stamps: the frames that were labelled [ns]; None means all."""
 
     path: Path
     sha256: str
@@ -107,7 +107,9 @@ def check_labels(path: Path) -> tuple[Labels, list[Problem]]:
     problems += _overlaps(labels)
     stamps, wrong = _stamps(document.get("stamps"))
     problems += wrong
-    return Labels(path, hashlib.sha256(content).hexdigest(), tuple(labels), stamps), problems
+    # Of what it says, not of its bytes: neither line ends nor indents make other labels.
+    said = json.dumps(document, sort_keys=True, separators=(",", ":"))
+    return Labels(path, hashlib.sha256(said.encode()).hexdigest(), tuple(labels), stamps), problems
 
 
 def labels_text(labels: Iterable[Label], frame_id: str, **about: Any) -> str:

@@ -1,6 +1,7 @@
 """Compare results for a command, and keep them as a baseline."""
 
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -12,6 +13,7 @@ from gapeval.cli.reading import say
 from gapeval.compare import compare, marks
 from gapeval.compare.baseline import is_baseline, read_history, write_baseline
 from gapeval.compare.limits import Limits, read_limits
+from gapeval.compare.outcome import Comparison
 from gapeval.compare.side import Side, read_side
 from gapeval.config import load_config
 from gapeval.errors import ConfigError, GapevalError
@@ -26,6 +28,7 @@ from gapeval.results.written import read_json
 STEP_SUMMARY = "GITHUB_STEP_SUMMARY"  # a file that GitHub shows on the page of a run
 MOST_OF_SUMMARY = 1 << 20  # bytes; GitHub shows nothing of what is larger
 FIRST = "first"
+WORDS = {"!": "worse", "+": "worse", "-": "better"}  # of the history: in how many rows each metric is so
 
 
 def write_comparison(
@@ -41,10 +44,12 @@ def write_comparison(
     gate = load_config(config_file).compare
     limits = read_limits(drops, rises, gate.max_drop, gate.max_rise)
     one, other = read_side(base), read_side(new)
+    if other.is_baseline and not one.is_baseline:
+        raise ConfigError(f"{new}: is a baseline, which goes first: gapeval compare BASELINE RESULTS")
     _check_times(limits, (base, one), (new, other))
     found = compare(one, other, limits)
     text = FORMATS[form](found)
-    if output is None:
+    if output is None or str(output) == "-":
         click.echo(text, nl=not text.endswith("\n"))
     else:
         make_folder(output.parent)
@@ -52,7 +57,7 @@ def write_comparison(
         say(verdict(found))
     summary = os.environ.get(STEP_SUMMARY)
     if form == "github" and summary:
-        _append(Path(summary), step_summary(found, MOST_OF_SUMMARY - _size(Path(summary))))
+        _append(Path(summary), found)
     return found.status
 
 
@@ -67,16 +72,17 @@ def _check_times(limits: Limits, *sides: tuple[Path, Side]) -> None:
             raise ConfigError(f"max_rise of time.{stage}: no such stage; there is {near}")
 
 
-def _size(path: Path) -> int:
-    return path.stat().st_size if path.exists() else 0
-
-
-def _append(path: Path, text: str) -> None:
+def _append(path: Path, found: Comparison) -> None:
+    """To what is shown of the step. Where that cannot be done, the verdict stands all the same."""
     try:
         with path.open("a", encoding="utf-8") as file:
+            text = step_summary(found, MOST_OF_SUMMARY - path.stat().st_size)
             file.write(text)
     except OSError as error:
-        raise GapevalError(f"{path}: cannot be written: {error.strerror}; see ${STEP_SUMMARY}") from error
+        say(f"{path}: no summary of the step: {error.strerror}; see ${STEP_SUMMARY}")
+        return
+    if not text:
+        say(f"{path}: no summary of the step: it is full, with {MOST_OF_SUMMARY} bytes")
 
 
 def renew_baseline(folder: Path, output: Path, reason: str | None, with_frames: bool) -> None:
@@ -85,25 +91,26 @@ def renew_baseline(folder: Path, output: Path, reason: str | None, with_frames: 
     results = read_side(folder)
     manifest = read_json(folder / MANIFEST)
     if results.failed:
-        raise GapevalError(
-            f"{folder}: {next(iter(results.failed.values()))}; finish it: gapeval sweep --resume"
-        )
+        why = next(iter(results.failed.values()))
+        raise GapevalError(f"{folder}: {why}; mend that and sweep again before it can be a baseline")
     if results.scoring is None:
         raise GapevalError(f"{folder}: {MANIFEST} does not say how it was scored; run what made it again")
     made_by = {name: manifest.get(name) for name in ("gapeval", "revision", "source")}
+    reason = (reason or "").strip()
     entry: dict[str, Any] = {"reason": reason or FIRST} | made_by
     history: list[Mapping[str, Any]] = []
     if output.exists():
         history += _history(output)
-        if not (reason or "").strip():
+        if not reason:
             raise ConfigError(f"{output}: say why it is renewed: --reason TEXT goes into its history")
         entry |= _renewed(output, results)
     history.append(entry)
     make_folder(output.parent)
     frames = write_baseline(output, folder, manifest, history, with_frames)
+    configurations = len({row["configuration"] for row in results.rows})
     say(
-        f"wrote {output}: {counted(len(results.rows), 'row')}, {counted(frames, 'row')} of frames, "
-        f"{output.stat().st_size / 1e6:.2f} MB"
+        f"wrote {output}: {counted(configurations, 'configuration')} on {counted(len(results.logs), 'log')}, "
+        f"{counted(frames, 'row')} of frames, {output.stat().st_size / 1e6:.2f} MB"
     )
 
 
@@ -114,18 +121,21 @@ def _history(output: Path) -> tuple[Mapping[str, Any], ...]:
 
 
 def _renewed(output: Path, results: Side) -> dict[str, Any]:
-    """How many rows differ, for the history; nothing if the old figures cannot be read any more."""
+    """What is otherwise now, for the history; nothing if the old figures cannot be read any more."""
     try:
-        changed = marks(compare(read_side(output), results, Limits({}, {})))
+        found = compare(read_side(output), results, Limits({}, {}))
     except GapevalError as error:
         say(f"{error}; it is renewed without being compared")
         return {}
-    say(f"{output}: renewed, {_rows(changed)}")
-    return {"rows": {mark: count for mark, count in changed.items() if mark != " "}}
-
-
-def _rows(changed: dict[str, int]) -> str:
-    return (
-        ", ".join(f"{count} rows {mark}" for mark, count in changed.items() if mark != " ")
-        or "no row changed"
+    say(f"{output}: renewed; {verdict(found)}")
+    changed = Counter(
+        (WORDS[change.mark], change.metric)
+        for row in found.rows
+        for change in row.changes
+        if change.mark in WORDS
     )
+    rows = {"rows": {mark: count for mark, count in marks(found).items() if mark != " "}}
+    return rows | {
+        word: {metric: count for (of, metric), count in changed.most_common() if of == word}
+        for word in dict.fromkeys(WORDS.values())
+    }

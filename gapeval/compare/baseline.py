@@ -4,6 +4,7 @@ It begins with lines of `# `, which are JSON together. Then come the rows of sum
 and those of frames.csv, told apart by their stamp, with the labels that were hit.
 """
 
+import codecs
 import csv
 import io
 import json
@@ -60,7 +61,7 @@ class Baseline:
 def is_baseline(path: Path) -> bool:
     try:
         with path.open("rb") as file:
-            return file.read(len(OPENING)) == OPENING.encode()
+            return file.read(16).removeprefix(codecs.BOM_UTF8).startswith(OPENING.encode())
     except OSError as error:
         raise GapevalError(f"{path}: cannot be read: {error.strerror}") from error
 
@@ -73,6 +74,8 @@ def read_baseline(path: Path) -> Baseline:
             f"{path}: a baseline of another version of gapeval; renew it with gapeval baseline"
         )
     rows, hits = [], {}
+    if _is_in_conflict(path):
+        raise _conflict(path)
     for row in read_rows(path, NEEDED, lines):
         if row["stamp"]:
             hits[row["log"], _stamp(path, row), row["configuration"]] = _states(path, row)
@@ -96,6 +99,8 @@ def _above(path: Path) -> tuple[dict[str, Any], int]:
         if document["kind"] != KIND or not all(isinstance(entry, dict) for entry in document["history"]):
             raise ValueError("kind")
     except (ValueError, KeyError, TypeError) as error:
+        if _is_in_conflict(path):
+            raise _conflict(path) from error
         raise GapevalError(f"{path}: no baseline; make one with gapeval baseline") from error
     return document, len(above)
 
@@ -103,7 +108,7 @@ def _above(path: Path) -> tuple[dict[str, Any], int]:
 def _lines_above(path: Path) -> list[str]:
     found = []
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        with path.open(encoding="utf-8-sig", newline="") as file:
             for line in file:
                 if not line.startswith(OPENING):
                     break
@@ -111,6 +116,14 @@ def _lines_above(path: Path) -> list[str]:
     except (OSError, UnicodeDecodeError) as error:
         raise GapevalError(f"{path}: cannot be read: {error}") from error
     return found
+
+
+def _conflict(path: Path) -> GapevalError:
+    return GapevalError(f"{path}: holds a merge conflict; check out either side of it, then renew it")
+
+
+def _is_in_conflict(path: Path) -> bool:
+    return any(line.startswith(b"<<<<<<< ") for line in path.read_bytes().splitlines())
 
 
 def _stamp(path: Path, row: Row) -> int:

@@ -76,7 +76,8 @@ def read_limits(
 def _assignment(text: str, way: str) -> tuple[str, Amount]:
     metric, equals, amount = text.partition("=")
     if not equals:
-        raise ConfigError(f"--max-{way} {text}: say how much, for example {metric or 'pq'}=0.01 or 1%")
+        name = (metric.split() or ["pq"])[0]
+        raise ConfigError(f"--max-{way} {text}: say how much, for example {name}=0.01 or {name}=1%")
     return metric.strip(), _amount(metric.strip(), amount.strip(), way)
 
 

@@ -57,6 +57,15 @@ def scoring(manifest: Manifest) -> Mapping[str, Any] | None:
     return found if isinstance(found, dict) else None
 
 
+def failed(manifest: Manifest) -> dict[str, str]:
+    """Of each log of which frames are missing: how many, and why the first are."""
+    found: dict[str, tuple[int, Any]] = {}
+    for entry in manifest.get("failed") or ():
+        count, reason = found.get(entry["log"], (0, entry.get("reason")))
+        found[entry["log"]] = count + int(entry.get("frames") or 0), reason
+    return {log: f"{count} frames failed, the first: {reason}" for log, (count, reason) in found.items()}
+
+
 def frames(manifest: Manifest) -> dict[str, int]:
     """How many each log has."""
     return {entry["log"]: int(entry.get("frames") or 0) for entry in manifest.get("logs") or ()}

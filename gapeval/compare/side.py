@@ -1,6 +1,7 @@
 """One of the two that are compared: a folder of results, its summary.csv, or a baseline."""
 
 import math
+import shlex
 from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -11,11 +12,12 @@ from gapeval.compare.baseline import Baseline, is_baseline, read_baseline
 from gapeval.compare.frames import LogFrames, read_frames
 from gapeval.compare.labels import LabelFile, States
 from gapeval.compare.limits import TIME
-from gapeval.compare.origin import checked, frames, origin, scoring
+from gapeval.compare.origin import checked, failed, frames, origin, scoring
 from gapeval.compare.outcome import Origin, Spread
 from gapeval.errors import GapevalError
+from gapeval.results.parts import is_unfinished
 from gapeval.results.store import ALL, MANIFEST
-from gapeval.results.tables import FRAMES, LABELS, SUMMARY, TIMING, TIMING_COLUMNS
+from gapeval.results.tables import FRAMES, LABELS, PARAMETERS, SUMMARY, TIMING, TIMING_COLUMNS
 from gapeval.results.written import Row, read_json, read_rows
 
 NAMED_BY = ("log", "configuration")
@@ -51,13 +53,20 @@ class Side:
     record: Record
 
     @property
+    def is_baseline(self) -> bool:
+        return isinstance(self.record, Baseline)
+
+    @property
     def logs(self) -> frozenset[str]:
         return frozenset(row["log"] for row in self.rows if row["log"] != ALL)
 
 
 def read_side(path: Path) -> Side:
     """Raises GapevalError."""
-    if path.is_file() and is_baseline(path):
+    if not path.exists():
+        make_it = f"gapeval baseline DIR -o {shlex.quote(str(path))}"
+        raise GapevalError(f"{path}: is not there; name a folder of results, or make a baseline: {make_it}")
+    if not path.is_dir() and is_baseline(path):
         return _of_baseline(path, read_baseline(path))
     if path.is_dir():
         return _of_folder(path, path)
@@ -66,20 +75,22 @@ def read_side(path: Path) -> Side:
 
 
 def _of_folder(given: Path, folder: Path) -> Side:
+    if is_unfinished(folder):
+        raise GapevalError(
+            f"{folder}: a sweep into it was not finished: gapeval sweep --resume {shlex.quote(str(folder))}"
+        )
     manifest = checked(folder / MANIFEST, read_json(folder / MANIFEST))
     table = folder / SUMMARY
     if not table.exists():
         raise GapevalError(f"{folder}: no {SUMMARY}; name the folder of a sweep or a score")
     rows = _rows(table)
-    failed = {
-        str(entry.get("log")): f"{entry.get('frames')} frames failed: {entry.get('reason')}"
-        for entry in manifest.get("failed") or ()
-    }
     order = [tuple(dict.fromkeys(row[name] for row in rows)) for name in NAMED_BY]
     record = Folder(folder, LabelFile(folder / LABELS, *order))
     timing = folder / TIMING
     times = _times(timing, tuple(read_rows(timing, TIMING_COLUMNS))) if timing.exists() else {}
-    return Side(origin(given, manifest), scoring(manifest), frames(manifest), failed, rows, times, record)
+    return Side(
+        origin(given, manifest), scoring(manifest), frames(manifest), failed(manifest), rows, times, record
+    )
 
 
 def _of_baseline(path: Path, baseline: Baseline) -> Side:
@@ -95,9 +106,11 @@ def _of_table(path: Path) -> Side:
 
 
 def _rows(path: Path) -> tuple[Row, ...]:
-    rows = tuple(read_rows(path, NAMED_BY))
+    rows = tuple(read_rows(path))
     if not rows:
         raise GapevalError(f"{path}: no rows; run the sweep again")
+    if not {*NAMED_BY, PARAMETERS[0]} <= rows[0].keys() or "stamp" in rows[0]:
+        raise GapevalError(f"{path}: no results; name a folder of results, its {SUMMARY}, or a baseline")
     return _each_once(path, rows)
 
 

@@ -20,6 +20,7 @@ from gapeval.results.parts import (
     There,
     keys,
     look,
+    note_finished,
     read_part,
     remove_others,
     write_order,
@@ -179,6 +180,7 @@ def write_results(begun: Begun, failed: Sequence[Finished[Unit]], folder: Path) 
             manifest(entries, labels, len(points), _scoring(sweep), failures),
             task.names,
         )
+    note_finished(begun.parts)
     remove_others(begun.parts, begun.keys)
     return Outcome(store, entries)
 

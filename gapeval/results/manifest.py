@@ -44,7 +44,7 @@ def log_entry(name: str, recording: Recording, tally: LogTally, labels: Labels |
     errors = {"pose_error": recording.pose_error, "pose_noise": recording.pose_noise}
     return {
         "log": name,
-        "sha256": tally.identity.hexdigest(),
+        "sha256": tally.identity.hexdigest() if tally.frames else None,
         "labels": labels and labels.sha256,
         "container": recording.container,
         "cloud_topic": recording.cloud_topic,

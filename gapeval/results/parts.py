@@ -21,7 +21,7 @@ from gapeval.results.part import Part, UnreadablePartError, unpacked
 from gapeval.sweep.provenance import code
 from gapeval.sweep.units import Span, Task, Unit
 
-PARTS, LOCK, SWEEP = "parts", "lock", "sweep.json"
+PARTS, LOCK, SWEEP, BEGUN = "parts", "lock", "sweep.json", "unfinished"
 NAME = re.compile(r"([0-9a-f]{16})-(\d+)-(\d+)-[0-9a-f]{8}\.npz\.zst")
 
 
@@ -64,6 +64,8 @@ class Order:
 
 
 def write_order(parts: Path, order: Order) -> None:
+    """And that it is not done yet."""
+    (parts / BEGUN).touch()
     document = {
         "logs": [{"path": str(log.path), "sha256": log.sha256} for log in order.logs],
         "labels": [{"path": str(labels.path), "sha256": labels.sha256} for labels in order.labels],
@@ -71,6 +73,16 @@ def write_order(parts: Path, order: Order) -> None:
         "gaps": order.gaps,
     }
     write_whole(parts / SWEEP, json.dumps(document, indent=2).encode())
+
+
+def note_finished(parts: Path) -> None:
+    """The result files are those of the sweep that was begun last."""
+    (parts / BEGUN).unlink(missing_ok=True)
+
+
+def is_unfinished(folder: Path) -> bool:
+    """Whether a sweep into it was not finished, so that its files are missing, or those of another."""
+    return (folder / PARTS / BEGUN).exists()
 
 
 def read_order(folder: Path) -> Order:

@@ -37,7 +37,7 @@ def read_rows(path: Path, columns: Iterable[str] = (), skipped: int = 0) -> Iter
                 raise GapevalError(f"{path}: no column {missing[0]}; it is of another version: make it again")
             for row in rows:
                 if None in row or None in row.values():
-                    raise GapevalError(f"{path}: line {rows.line_num} is cut off; make it again")
+                    raise GapevalError(f"{path}: line {skipped + rows.line_num} is cut off; make it again")
                 yield row
     except OSError as error:
         raise GapevalError(f"{path}: cannot be read: {error.strerror}; name a folder of results") from error
