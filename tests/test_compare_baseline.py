@@ -39,7 +39,7 @@ def made(results: Path, tmp_path: Path) -> Path:
     path = tmp_path / "baseline.csv"
     done = kept(results, path)
     assert done.status == 0, done.err
-    assert done.err.startswith(f"wrote {path}: 12 rows, 144 rows of frames, ")
+    assert done.err.startswith(f"wrote {path}: 4 configurations on 2 logs, 144 rows of frames, ")
     return path
 
 
@@ -82,9 +82,12 @@ def test_it_says_what_its_folder_says(results: Path, new: Path, made: Path, name
         assert row["changes"][0]["noise"]["beyond"] is True
 
 
-def test_as_the_new_side_it_is_as_good(results: Path, new: Path, made: Path) -> None:
-    missed(new)
-    assert shown(new, made)[1]["rows"] == shown(new, results)[1]["rows"]
+def test_it_goes_first(results: Path, made: Path) -> None:
+    """Else what is worse now would be said to be better."""
+    done = gapeval("compare", results, made)
+    assert (done.status, done.out) == (2, "")
+    assert is_one_line(done.err)
+    assert shown(made, made)[0] == FINE
 
 
 def test_without_frames_the_verdict_is_the_same(results: Path, new: Path, tmp_path: Path) -> None:
@@ -163,12 +166,19 @@ def test_renewing_needs_a_reason_and_keeps_history(results: Path, new: Path, mad
         assert done.status == 0
         said.append(done.err.partition("\n")[0].removeprefix(f"{made}: "))
         assert shown(made, folder)[0] == FINE
-    assert said == ["renewed, 1 rows +", "renewed, no row changed", "renewed, 1 rows -"]
+    verdicts = [
+        "regression: 1 of 12 rows worse",
+        "fine: 12 rows, none worse",
+        "fine: 12 rows, none worse, 1 better",
+    ]
+    assert said == [f"renewed; {verdict}" for verdict in verdicts]
     history = above(made)["history"]
     assert history[:1] == first
     assert "“quoted” " in made.read_text(encoding="utf-8")  # for whoever reads the difference of two commits
     assert [entry["reason"] for entry in history] == ["first", *reasons]
     assert [entry.get("rows") for entry in history] == [None, {"+": 1}, {}, {"-": 1}]
+    assert [entry.get("worse") for entry in history] == [None, {"hit_rate": 1}, {}, {}]
+    assert [entry.get("better") for entry in history] == [None, {}, {}, {"hit_rate": 1}]
     assert shown(made, new)[1]["base"]["history"] == history
 
 
