@@ -83,11 +83,44 @@ def test_it_says_what_its_folder_says(results: Path, new: Path, made: Path, name
 
 
 def test_it_goes_first(results: Path, made: Path) -> None:
-    """Else what is worse now would be said to be better."""
+    """The other way round, a row that the results lack would be new, and fine."""
     done = gapeval("compare", results, made)
     assert (done.status, done.out) == (2, "")
     assert is_one_line(done.err)
-    assert shown(made, made)[0] == FINE
+    assert "goes first" in done.err
+
+
+def test_two_of_them_are_compared_as_their_folders(results: Path, new: Path, made: Path) -> None:
+    missed(new)
+    other = made.with_name("other.csv")
+    assert kept(new, other).status == 0
+    assert shown(made, other)[1]["rows"] == shown(results, new)[1]["rows"]
+
+
+def test_a_byte_order_mark_of_a_spreadsheet_is_no_matter(results: Path, made: Path) -> None:
+    rows = shown(made, results)[1]["rows"]
+    made.write_bytes(b"\xef\xbb\xbf" + made.read_bytes())
+    assert shown(made, results)[1]["rows"] == rows
+
+
+@pytest.mark.parametrize("line", [3, 60])
+def test_a_merge_conflict_is_called_one(results: Path, made: Path, line: int) -> None:
+    lines = made.read_text().splitlines(keepends=True)
+    lines[line:line] = ["<<<<<<< HEAD\n", lines[line], "=======\n", lines[line], ">>>>>>> theirs\n"]
+    made.write_text("".join(lines))
+    done = gapeval("compare", made, results)
+    assert done.status == 1
+    assert is_one_line(done.err)
+    assert "merge conflict" in done.err
+
+
+def test_its_history_says_which_metrics_moved(results: Path, new: Path, made: Path) -> None:
+    edited(new, cells({"log": "a.mcap"}, coverage=0.01))
+    assert kept(new, made, "--reason", "  ").status == 2
+    assert kept(new, made, "--reason", "less of it").status == 0
+    last = above(made)["history"][-1]
+    assert last["worse"] == {"coverage": 4}
+    assert "better" not in last
 
 
 def test_without_frames_the_verdict_is_the_same(results: Path, new: Path, tmp_path: Path) -> None:
@@ -164,21 +197,16 @@ def test_renewing_needs_a_reason_and_keeps_history(results: Path, new: Path, mad
     for folder, reason in zip((new, new, results), reasons, strict=True):
         done = kept(folder, made, "--reason", reason)
         assert done.status == 0
-        said.append(done.err.partition("\n")[0].removeprefix(f"{made}: "))
+        said.append(done.err.partition("\n")[0])
         assert shown(made, folder)[0] == FINE
-    verdicts = [
-        "regression: 1 of 12 rows worse",
-        "fine: 12 rows, none worse",
-        "fine: 12 rows, none worse, 1 better",
-    ]
-    assert said == [f"renewed; {verdict}" for verdict in verdicts]
+    verdicts = ["regression: 1 of 12 rows worse", *["fine: 12 rows, none worse"] * 2]
+    verdicts[2] += ", 1 better"
+    assert said == [f"{made}: renewed; {verdict}" for verdict in verdicts]
     history = above(made)["history"]
     assert history[:1] == first
     assert "“quoted” " in made.read_text(encoding="utf-8")  # for whoever reads the difference of two commits
     assert [entry["reason"] for entry in history] == ["first", *reasons]
     assert [entry.get("rows") for entry in history] == [None, {"+": 1}, {}, {"-": 1}]
-    assert [entry.get("worse") for entry in history] == [None, {"hit_rate": 1}, {}, {}]
-    assert [entry.get("better") for entry in history] == [None, {}, {}, {"hit_rate": 1}]
     assert shown(made, new)[1]["base"]["history"] == history
 
 

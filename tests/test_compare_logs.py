@@ -4,7 +4,6 @@ import csv
 import io
 import json
 from pathlib import Path
-from typing import Any
 
 import pytest
 from command import gapeval
@@ -55,46 +54,6 @@ def test_a_renamed_log_is_missing_and_extra(results: Path, new: Path) -> None:
     edited(new, cells({"log": "b.mcap"}, log="c.mcap"))
     found = compared(results, new)
     assert (found.status, marks(found)) == (NOT_COMPARABLE, {"x": 4, "!": 4, "*": 4, " ": 4})
-
-
-def called(folder: Path, log: str, name: str) -> Path:
-    """The folder, with another name for a log, as a sweep from elsewhere gives it."""
-    for file in ("summary.csv", "frames.csv", "labels.csv", "timing.csv"):
-        edited(folder, cells({"log": log}, log=name), file)
-
-    def rename(document: dict[str, Any]) -> None:
-        for entry in document["logs"]:
-            entry["log"] = name if entry["log"] == log else entry["log"]
-
-    return manifest(folder, rename)
-
-
-def test_a_log_is_found_by_its_contents(results: Path, new: Path) -> None:
-    """With its frames, its labels, its times and what is worse in it."""
-    here = {"log": "a.mcap", "configuration": BEST}
-    stamp = table(new / "frames.csv")[12]["stamp"]
-    edited(new, cells(here, hit_rate=23 / 24, hits="23"))
-    edited(new, cells(here | {"stamp": stamp}, hits="0"), "frames.csv")
-    edited(new, cells(here | {"stamp": stamp}, hit="false"), "labels.csv")
-    _, same = shown(results, new)
-    status, document = shown(results, called(new, "a.mcap", "far/away.mcap"), "--max-rise", "time=1000")
-    assert status == REGRESSION
-    assert document["notices"].pop(0).startswith("a.mcap: NEW calls it far/away.mcap")
-    assert document["rows"] == same["rows"]
-    assert document["rows"][0]["labels"][0]["frames"] == [3]
-    assert [time["new"] for time in document["times"]] == [time["new"] for time in same["times"]]
-
-
-def test_logs_that_are_alike_or_swapped_are_not_found_by_contents(results: Path, new: Path) -> None:
-    base = called(called(copied(results, new.parent / "base"), "a.mcap", "1"), "b.mcap", "2")
-    assert marks(compared(base, new)) == {" ": 12}
-    manifest(base, lambda document: document["logs"][1].update(sha256=document["logs"][0]["sha256"]))
-    assert compared(base, new).status == NOT_COMPARABLE
-    swapped = called(
-        called(called(copied(results, new.parent / "s"), "a.mcap", "c"), "b.mcap", "a.mcap"), "c", "b.mcap"
-    )
-    found = compared(results, swapped)
-    assert (found.status, marks(found)) == (NOT_COMPARABLE, {"x": 12})
 
 
 def test_several_logs_are_named_in_order(results: Path, new: Path) -> None:

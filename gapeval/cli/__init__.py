@@ -1,5 +1,6 @@
 """The command line: parse, call, print. Nothing heavy is imported before a command needs it."""
 
+import errno
 import os
 import sys
 from typing import Any
@@ -76,6 +77,10 @@ def main(arguments: list[str] | None = None) -> None:
     except Exception as error:
         if debug:
             raise
+        if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+            where = error.filename or "the output"
+            click.echo(f"gapeval: {where} cannot be written: {error.strerror}; make room first", err=True)
+            sys.exit(1)
         click.echo(
             f"gapeval: a bug of ours: {type(error).__name__}: {error}; please report what --debug shows",
             err=True,

@@ -135,7 +135,7 @@ def _renewed(output: Path, results: Side) -> dict[str, Any]:
         if change.mark in WORDS
     )
     rows = {"rows": {mark: count for mark, count in marks(found).items() if mark != " "}}
-    return rows | {
-        word: {metric: count for (of, metric), count in changed.most_common() if of == word}
-        for word in dict.fromkeys(WORDS.values())
-    }
+    counts: dict[str, dict[str, int]] = {}
+    for (word, metric), count in changed.most_common():
+        counts.setdefault(word, {})[metric] = count
+    return rows | counts

@@ -59,11 +59,15 @@ def scoring(manifest: Manifest) -> Mapping[str, Any] | None:
 
 def failed(manifest: Manifest) -> dict[str, str]:
     """Of each log of which frames are missing: how many, and why the first are."""
-    found: dict[str, tuple[int, Any]] = {}
+    by_log: dict[str, list[Manifest]] = {}
     for entry in manifest.get("failed") or ():
-        count, reason = found.get(entry["log"], (0, entry.get("reason")))
-        found[entry["log"]] = count + int(entry.get("frames") or 0), reason
-    return {log: f"{count} frames failed, the first: {reason}" for log, (count, reason) in found.items()}
+        by_log.setdefault(entry["log"], []).append(entry)
+    found = {}
+    for log, entries in by_log.items():
+        count = sum(int(entry.get("frames") or 0) for entry in entries)
+        first = ", the first" if len(entries) > 1 else ""
+        found[log] = f"{count} frame{'s' * (count != 1)} failed{first}: {entries[0].get('reason')}"
+    return found
 
 
 def frames(manifest: Manifest) -> dict[str, int]:
