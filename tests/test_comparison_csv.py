@@ -48,6 +48,8 @@ def test_all_of_it_can_be_read_back(found) -> None:
             beyond = {"beyond": True, "within": False, "": None}[line["noise"]]
             assert beyond == (noise and noise.beyond)
     for time in found.times:
+        if time.mark == " " and not (time.base and time.new):
+            continue  # on one side alone, and nothing holds it against anything
         line = next(lines)
         assert (line["log"], line["configuration"], line["metric"]) == (time.log, "", time.metric)
         assert line["mark"] == time.mark

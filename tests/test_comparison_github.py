@@ -89,6 +89,27 @@ def test_at_most_ten_and_the_tenth_says_how_many_more(number: int, shown: int) -
     assert (commands[-1] == ("gapeval compare", more)) == (number > ANNOTATIONS)
 
 
+def test_rows_that_fail_for_the_same_reasons_are_one_annotation() -> None:
+    alike = [
+        row("x", log=log, configuration=f"{at:012x}", reasons=("other scorer",))
+        for log in "ab"
+        for at in range(20)
+    ]
+    others = [row("x", log=f"{at}", reasons=(f"other labels: {at}",)) for at in range(12)]
+    found = comparison(*alike, *others, row("!", reasons=("not in NEW",)), varied=())
+    commands, _ = read(annotations(found))
+    assert len(commands) == ANNOTATIONS
+    named = ", ".join(f"{at:012x}" for at in range(8))
+    assert commands[0] == (
+        "gapeval: 40 rows of 2 logs",
+        f"not comparable: other scorer\na, b: {named} and 12 more configurations",
+    )
+    assert commands[1] == ("gapeval: 0 5ed457beaf20", "not comparable: other labels: 0")
+    assert commands[-1][1] == "5 more are worse or not comparable; see the summary"
+    more, _ = read(annotations(comparison(*others[:10], *alike)))
+    assert more[-1][1] == "41 more are worse or not comparable; see the summary"
+
+
 def test_times_come_with_the_rows_that_are_as_bad() -> None:
     lost = Time("a", "time", "x", None, Spread(1, 1, 1), 0.1)
     commands, _ = read(annotations(comparison(row("+"), times=(lost,))))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
-from comparisons import INF, SHORT, comparison, comparisons, large, origin, realistic, row
+from comparisons import INF, SHORT, comparison, comparisons, for_people, large, origin, realistic, row
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +14,6 @@ from gapeval.compare.outcome import Change, LabelChange, Noise, Spread, Time
 from gapeval.report.comparisons.text import text
 from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.comparisons.words import LABELS, ROWS, RUNS, figure, frames_run, pair, plain
-from gapeval.scoring.metrics import COUNTS
 
 REAL = text(realistic())
 LINES = [" ".join(line.split()) for line in REAL.split("\n")]
@@ -52,15 +51,30 @@ def test_a_real_one_says(line: str) -> None:
     assert LINES.count(line) == 1
 
 
-def test_a_real_one_has_its_reasons_below_its_rows() -> None:
-    at = LINES.index("x tunnel.mcap e38b37806118 0 0.05")
-    assert LINES[at + 1] == "labels differ: 0b0c0b0c0b0c in BASE, 1c1d1c1d1c1d in NEW"
-    assert LINES[at + 2] == "! street.mcap f3a8ce15674c 2 0.4"
-    assert LINES[at + 3] == "missing in NEW"
+def test_a_real_one_names_rows_below_their_reasons() -> None:
+    at = LINES.index("x 1 row: labels differ: 0b0c0b0c0b0c in BASE, 1c1d1c1d1c1d in NEW")
+    assert LINES[at + 1] == "tunnel.mcap: e38b37806118 n_o=0 pl_th=0.05"
+    assert LINES[at + 2] == "! 1 row: missing in NEW"
+    assert LINES[at + 3] == "street.mcap: f3a8ce15674c n_o=2 pl_th=0.4"
+
+
+def test_what_is_worse_comes_before_what_is_new() -> None:
+    blocks = REAL.split("\n\n")
+    starts = [
+        "   metric",
+        "x  1 row",
+        "   log ",
+        "*  1 row",
+        "   log ",
+        "x  not comparable",
+        "next: ",
+        "not comp",
+    ]
+    assert [one[: len(start)] for one, start in zip(blocks[4:7] + blocks[8:], starts, strict=True)] == starts
 
 
 def test_marks_that_occur_are_explained_and_no_others() -> None:
-    legend = REAL.rstrip("\n").split("\n\n")[-2].split("\n")
+    legend = REAL.rstrip("\n").split("\n\n")[-3].split("\n")
     assert [line[:3] for line in legend] == ["x  ", "!  ", "+  ", "-  ", "*  ", "~  "]
     only_better = comparison(row("-", (Change("pq", "-", 0.5, 0.6, 0.0),)))
     assert text(only_better).rstrip("\n").split("\n\n")[-2] == "-  better"
@@ -81,12 +95,9 @@ def test_every_line_can_be_shown_and_the_last_is_the_verdict(found) -> None:
 
 @given(comparisons())
 def test_a_line_for_each_changed_figure_in_the_order_of_the_data(found) -> None:
-    """Told by their marks, and by base and new. Counts that nothing is held against have no line."""
+    """Told by their marks, and by base and new. But for counts that nothing is held against, and mirrors."""
     expected = [
-        (change.mark, *pair(change.base, change.new))
-        for one in found.rows
-        for change in one.changes
-        if not (change.metric in COUNTS and change.mark == "~" and change.limit == INF)
+        (change.mark, *pair(change.base, change.new)) for one in found.rows for change in for_people(one)
     ]
     block = text(found).split("\n\n")
     lines = [line for part in block for line in part.split("\n")]
@@ -115,7 +126,7 @@ def test_some_rows_in_detail_and_how_many_more() -> None:
     many = text(large(ROWS + 31, 2))
     assert "\n... and 31 more rows; --format csv has all\n" in many
     assert len(re.findall(r"^\+  street", many, re.M)) == ROWS
-    assert len(re.findall(r"^\+  ", many, re.M)) == 2 * ROWS + 1  # one in the legend
+    assert len(re.findall(r"^\+  ", many, re.M)) == 2 * ROWS + 3  # two in the overview, one in the legend
     assert f"{ROWS - 1:012x}" in many
     assert f"{ROWS:012x}" not in many
     assert many.endswith(f"\nregression: {ROWS + 31} of {ROWS + 31} rows worse\n")
@@ -149,7 +160,9 @@ def test_a_reason_that_many_share_is_told_once() -> None:
     ],
 )
 def test_stages_are_told_that_their_samples_or_their_marks_tell_apart(base, new, mark, shown) -> None:
-    found = text(comparison(times=(Time("a", "scene", mark, base, new, INF),)))
+    known = Spread(1, 2, 9)
+    times = (Time("a", "time", " ", known, known, INF), Time("a", "scene", mark, base, new, INF))
+    found = text(comparison(times=times))
     assert bool(re.search(r"^.? *a +scene", found, re.M)) == shown
     assert ("1 other stage" in found) != shown
 

@@ -26,7 +26,8 @@ def as_csv(comparison: Comparison) -> str:
 
     A line for each changed figure, with why its noise is not known, if it is not. A row of which something
     holds as a whole has a line before them, without a metric, with its own mark and reasons; so has one that
-    is the same. Times have the median as `base` and `new`, and neither configuration nor parameters.
+    is the same. Times have the median as `base` and `new`, and neither configuration nor parameters; those of
+    one side alone are left out, unless they are marked.
     """
     varied = comparison.varied
     lines = [",".join(map(_field, ("log", "configuration", *varied, *FIGURES)))]
@@ -37,7 +38,9 @@ def as_csv(comparison: Comparison) -> str:
             lines.append(",".join((head, *_whole(row))))
         lines += [",".join((head, *_change(change))) for change in row.changes]
     empty = [""] * (1 + len(varied))
-    lines += [",".join((_field(time.log), *empty, *_time(time))) for time in comparison.times]
+    lines += [
+        ",".join((_field(time.log), *empty, *_time(time))) for time in filter(_is_told, comparison.times)
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -59,6 +62,10 @@ def _change(change: Change) -> Iterable[str]:
         noise_word(noise),
         _field(noise.unknown) if noise else "",
     )
+
+
+def _is_told(time: Time) -> bool:
+    return time.mark != " " or (time.base is not None and time.new is not None)
 
 
 def _time(time: Time) -> Iterable[str]:

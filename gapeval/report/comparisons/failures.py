@@ -1,6 +1,7 @@
-"""What a row or a time says where it fails the gate."""
+"""What fails the gate, and what is said of it."""
 
 from gapeval.compare.outcome import MARKS, REGRESSIONS, Comparison, Mark, Row, Time
+from gapeval.report.comparisons.groups import Group, detailed, groups
 from gapeval.report.comparisons.times import time_sentence
 from gapeval.report.comparisons.verdict import marks
 from gapeval.report.comparisons.words import label_sentences, plain, sentence
@@ -19,14 +20,18 @@ FAILURES: tuple[Mark, ...] = ("x", *REGRESSIONS)
 RANK = {mark: rank for rank, mark in enumerate(MARKS)}
 
 
-def failures(comparison: Comparison) -> list[Row | Time]:
-    """Rows and times that are not comparable or worse, worst first, rows before times."""
-    found: list[Row | Time] = [*comparison.rows, *comparison.times]
+def failures(comparison: Comparison) -> list[Row | Group | Time]:
+    """What is not comparable or worse, worst first: rows that share their reasons, rows, times."""
+    found: list[Row | Group | Time] = [
+        *(of if len(of.rows) > 1 else of.rows[0] for of in groups(comparison.rows)),
+        *detailed(comparison.rows),
+        *comparison.times,
+    ]
     return sorted((one for one in found if worst(one) in FAILURES), key=lambda one: RANK[worst(one)])
 
 
-def worst(one: Row | Time) -> Mark:
-    """The worst mark of a row and of its figures, or of a time."""
+def worst(one: Row | Group | Time) -> Mark:
+    """The worst mark of a row and of its figures, or that of a group or time."""
     return min(marks(one), key=RANK.__getitem__) if isinstance(one, Row) else one.mark
 
 

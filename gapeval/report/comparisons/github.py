@@ -1,10 +1,12 @@
 """A comparison for GitHub Actions: annotations of a step, and its summary."""
 
-from gapeval.compare.outcome import FINE, Comparison, Row
-from gapeval.report.comparisons.failures import account, failures
+from gapeval.compare.outcome import FINE, Comparison, Row, Time
+from gapeval.report.comparisons.failures import WORDS, account, failures
+from gapeval.report.comparisons.groups import Group, member_lines, why
 from gapeval.report.comparisons.markdown import markdown
 from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.comparisons.words import named, plain
+from gapeval.report.text import counted
 
 ANNOTATIONS = 10  # of each kind that GitHub shows of a step; it drops the others
 FIGURES = 10  # of a row that an annotation names
@@ -15,21 +17,40 @@ CUT = "\n... cut here, {} more lines; --format md has all\n"
 
 
 def annotations(comparison: Comparison) -> str:
-    """An error for each row and time that fails, worst first, and the verdict as the last line.
+    """An error for what fails, worst first, and the verdict as the last line.
 
-    Of more than 10, the 10th says how many more there are. Nothing but the verdict where all is fine.
+    One for each row and time, and one for all rows that fail for the same reasons. Of more than 10, the 10th
+    says how many more rows and times there are. Nothing but the verdict where all is fine.
     """
     if comparison.status == FINE:
         return verdict(comparison) + "\n"
     found = failures(comparison)
     shown = found if len(found) <= ANNOTATIONS else found[: ANNOTATIONS - 1]
-    lines = []
-    for one in shown:
-        name = named(one, comparison.varied) if isinstance(one, Row) else plain(one.log)
-        lines.append(_error(f"gapeval: {name}", "\n".join(account(one, FIGURES))))
-    if more := len(found) - len(shown):
+    lines = [
+        _error(f"gapeval: {_title(one, comparison)}", "\n".join(_message(one, comparison))) for one in shown
+    ]
+    if more := sum(map(_count, found[len(shown) :])):
         lines.append(_error("gapeval compare", f"{more} more are worse or not comparable; see the summary"))
     return "\n".join([*lines, verdict(comparison)]) + "\n"
+
+
+def _title(one: Row | Group | Time, comparison: Comparison) -> str:
+    if isinstance(one, Row):
+        return named(one, comparison.varied)
+    if isinstance(one, Time):
+        return plain(one.log)
+    logs = list(dict.fromkeys(row.log for row in one.rows))
+    return f"{counted(len(one.rows), 'row')} of {plain(logs[0]) if len(logs) == 1 else f'{len(logs)} logs'}"
+
+
+def _message(one: Row | Group | Time, comparison: Comparison) -> list[str]:
+    if isinstance(one, Group):
+        return [f"{WORDS[one.mark]}: {why(one)}", *member_lines(one, comparison.varied)]
+    return account(one, FIGURES)
+
+
+def _count(one: Row | Group | Time) -> int:
+    return len(one.rows) if isinstance(one, Group) else 1
 
 
 def step_summary(comparison: Comparison, room: int = SUMMARY) -> str:

@@ -5,8 +5,23 @@ import string
 from collections.abc import Sequence
 
 from gapeval.compare.outcome import Change, Comparison, Row
+from gapeval.report.comparisons.advice import advice, renewal
+from gapeval.report.comparisons.failures import FAILURES
+from gapeval.report.comparisons.groups import (
+    NAMED,
+    Group,
+    detailed,
+    first,
+    groups,
+    members,
+    more_groups,
+    more_members,
+    why,
+)
+from gapeval.report.comparisons.legend import legend
 from gapeval.report.comparisons.origins import LOGS, ORIGINS, last_reason, log_cells, origin_cells
-from gapeval.report.comparisons.times import TIMES, time_cells, untold
+from gapeval.report.comparisons.overview import OVERVIEW, only_better, standing_cells, standings
+from gapeval.report.comparisons.times import TIMES, shown_times, time_cells, untold
 from gapeval.report.comparisons.times import is_told as is_time_told
 from gapeval.report.comparisons.verdict import verdict
 from gapeval.report.comparisons.words import (
@@ -15,13 +30,11 @@ from gapeval.report.comparisons.words import (
     asides,
     difference,
     frames_run,
-    is_aside,
-    is_told,
     metric_and_unit,
     noise_words,
-    occurring,
     pair,
     plain,
+    told_changes,
     unknowns,
 )
 from gapeval.report.text import counted
@@ -32,22 +45,32 @@ ENTITIES = {ord(sign): f"&#{ord(sign)};" for sign in string.punctuation}
 
 
 def markdown(comparison: Comparison) -> str:
-    """The verdict first: a page is read from its head. Then as for the terminal, in tables; times are folded.
+    """The verdict first: a page is read from its head. Then what to do, what is worse, and of which labels.
 
-    Names of logs and labels, paths and reasons stand as code: whatever is in them, they neither break a table
-    nor call anybody.
+    Then as for the terminal, in tables; times are folded. Names of logs and labels, paths and reasons stand
+    as code: whatever is in them, they neither break a table nor call anybody.
     """
-    rows = [row for row in comparison.rows if is_told(row)]
-    more = len(rows) - ROWS
+    rows, varied = detailed(comparison.rows), comparison.varied
+    shown, found = rows[:ROWS], groups(comparison.rows)
     parts = [
         "## gapeval compare",
         f"**{verdict(comparison)}**",
+        f"Next: {what_to_do}" if (what_to_do := advice(comparison)) else "",
+        f"    {renewal(comparison)}".rstrip(),
         "\n".join(f"* {code(notice)}" for notice in comparison.notices),
-        _changes(rows[:ROWS], comparison.varied) if rows else "No figure changed.",
-        f"... and {counted(more, 'more row')}; `--format csv` has all" if more > 0 else "",
-        "\n".join(f"* {code(reason)}" for reason in unknowns(rows[:ROWS])),
-        _labels(rows[:ROWS], comparison.varied),
-        _legend(comparison, rows[:ROWS]),
+        _overview(comparison),
+        _better(comparison),
+        _groups([group for group in found if group.mark in FAILURES], varied),
+        _labels(shown, varied),
+        _changes(shown, varied),
+        "" if rows or found else "No figure changed.",
+        _besides(shown, varied),
+        f"... and {counted(len(rows) - ROWS, 'more row')}; `--format csv` has all"
+        if len(rows) > ROWS
+        else "",
+        "\n".join(f"* {code(reason)}" for reason in unknowns(shown)),
+        _groups([group for group in found if group.mark not in FAILURES], varied),
+        "; ".join(f"{_mark(mark)} {meaning}" for mark, meaning in legend(comparison)),
         _times(comparison),
         _origins(comparison),
     ]
@@ -68,24 +91,55 @@ def table(head: Cells, rows: Sequence[Cells]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def _changes(rows: Sequence[Row], varied: Sequence[str]) -> str:
-    head = ("", "log", "configuration", *map(code, varied), "metric", "base", "new", "change", "noise")
-    return table(head, [line for row in rows for line in _lines(row, varied)])
+def _overview(comparison: Comparison) -> str:
+    cells = [standing_cells(one, comparison) for one in standings(comparison.rows)]
+    as_code = (0, 1, *range(OVERVIEW.index("log"), len(OVERVIEW) + len(comparison.varied)))
+    lines = [[code(cell) if at in as_code else cell for at, cell in enumerate(line)] for line in cells]
+    return table((*OVERVIEW, *map(code, comparison.varied)), lines) if lines else ""
 
 
-def _lines(row: Row, varied: Sequence[str]) -> list[Cells]:
-    """A line for each changed metric; before them one with what holds for the whole row."""
-    names = _names(row, varied)
-    whole = [code("; ".join(row.reasons))] if row.reasons else []
-    if row.frames:
-        whole.append(f"changed in {counted(len(row.frames), 'frame')}: {frames_run(row.frames)}")
-    if counts := asides(row):
-        whole.append(counts)
-    told = [change for change in row.changes if not is_aside(change)]
+def _better(comparison: Comparison) -> str:
+    found = [f"{code(metric)} in {counted(n, 'row')}" for metric, n in only_better(comparison.rows).items()]
+    return f"Only better: {', '.join(found)}" if found else ""
+
+
+def _groups(found: Sequence[Group], varied: Sequence[str]) -> str:
+    """A line for each reason, and one for each set of configurations where logs have different ones."""
     lines: list[Cells] = []
-    if whole or not told:
-        lines.append((_mark(row.mark), *names, "; ".join(whole), "", "", "", ""))
-    return lines + [(_mark(change.mark), *names, *_figure(change)) for change in told]
+    for group in found[:ROWS]:
+        about = (_mark(group.mark), code(why(group)), str(len(group.rows)))
+        for of in (of_group := members(group, varied))[:NAMED]:
+            logs, configurations = list(map(code, of.logs)), list(map(code, of.configurations))
+            lines.append((*about, first(logs, "log"), first(configurations, "configuration")))
+            about = ("", "", "")
+        lines += [("", "", "", more, "") for more in more_members(of_group)]
+    head = ("", "reason", "rows", "log", "configurations")
+    return "\n\n".join([*([table(head, lines)] if lines else []), *more_groups(found)])
+
+
+def _changes(rows: Sequence[Row], varied: Sequence[str]) -> str:
+    """A line for each changed metric."""
+    lines = [
+        (_mark(change.mark), *_names(row, varied), *_figure(change))
+        for row in rows
+        for change in told_changes(row)
+    ]
+    head = ("", "log", "configuration", *map(code, varied), "metric", "base", "new", "change", "noise")
+    return table(head, lines) if lines else ""
+
+
+def _besides(rows: Sequence[Row], varied: Sequence[str]) -> str:
+    """What holds for a whole row: where it changed, its counts, and reasons, if it has any."""
+    lines: list[Cells] = []
+    for row in rows:
+        frames = f"{frames_run(row.frames)} ({counted(len(row.frames), 'frame')})" if row.frames else ""
+        besides = (frames, asides(row), code("; ".join(row.reasons)))
+        if any(besides) or not told_changes(row):
+            lines.append((_mark(row.mark), *_names(row, varied), *besides))
+    head = ("", "log", "configuration", *map(code, varied), "changed frames", "counts", "reasons")
+    if not any(line[-1] for line in lines):
+        head, lines = head[:-1], [line[:-1] for line in lines]
+    return table(head, lines) if lines else ""
 
 
 def _names(row: Row, varied: Sequence[str]) -> Cells:
@@ -113,21 +167,17 @@ def _labels(rows: Sequence[Row], varied: Sequence[str]) -> str:
     return table(head, lines) if lines else ""
 
 
-def _legend(comparison: Comparison, rows: Sequence[Row]) -> str:
-    found = occurring(rows, [time for time in comparison.times if is_time_told(time)])
-    return "; ".join(f"{_mark(mark)} {meaning}" for mark, meaning in found)
-
-
 def _mark(mark: str) -> str:
     return code(mark.strip())
 
 
 def _times(comparison: Comparison) -> str:
-    if not comparison.times:
+    times = shown_times(comparison.times)
+    if not times:
         return ""
-    told = [time_cells(time) for time in comparison.times if is_time_told(time)]
+    told = [time_cells(time) for time in times if is_time_told(time)]
     lines = [(_mark(mark), code(log), code(stage), *cells) for mark, log, stage, *cells in told]
-    return _folded("Times", [table(TIMES, lines) if lines else "", untold(comparison.times)])
+    return _folded("Times", [table(TIMES, lines) if lines else "", untold(times)])
 
 
 def _origins(comparison: Comparison) -> str:

@@ -10,9 +10,20 @@ from gapeval.report.text import counted, short
 TIMES = ("", "log", "stage", "median [ms]", "95 % [ms]", "NEW / BASE")
 
 
+def shown_times(times: Sequence[Time]) -> list[Time]:
+    """Those that people are shown or told the number of: all, or where a side has none, what a mark fails."""
+    if any(time.base for time in times) and any(time.new for time in times):
+        return list(times)
+    return [time for time in times if _is_marked(time)]
+
+
 def is_told(time: Time) -> bool:
     """`time` of each log, what its mark names, and stages that differ by more than their samples do."""
-    return time.stage == "time" or time.mark not in (" ", "~") or is_beyond_spread(time)
+    return time.stage == "time" or _is_marked(time) or is_beyond_spread(time)
+
+
+def _is_marked(time: Time) -> bool:
+    return time.mark not in (" ", "~")
 
 
 def is_beyond_spread(time: Time) -> bool:

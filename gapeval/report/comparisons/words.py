@@ -3,16 +3,19 @@
 import math
 from collections.abc import Sequence
 
-from gapeval.compare.outcome import MARKS, Change, LabelChange, Noise, Row, Time
+from gapeval.compare.outcome import Change, LabelChange, Noise, Row
 from gapeval.report.text import counted, short
 from gapeval.results.figures import FIGURES
 from gapeval.scoring.metrics import COUNTS
 
 UNITS = {figure.name: figure.unit for figure in FIGURES.values() if figure.unit != "1"}
-ROWS = 20  # that are shown to people in detail
+ROWS = 8  # that are shown to people in detail
 LABELS = 10  # of a row whose changes are shown to people
 RUNS = 8  # of frames that are named
 DIGITS = 17  # tell any two floats apart
+# Metrics that say what another one says: 1 - coverage, and f1 by its name in panoptic quality. People are
+# told once, unless a limit of its own makes the mark another; what programs read has both.
+MIRRORS = {"under_coverage": "coverage", "rq": "f1"}
 
 
 def plain(text: str) -> str:
@@ -92,13 +95,23 @@ def is_aside(change: Change) -> bool:
     return change.metric in COUNTS and change.mark == "~" and change.limit == math.inf
 
 
+def told_changes(row: Row) -> list[Change]:
+    """Those that have a line of their own for people, in their order: neither asides nor mirrors."""
+    marks = {change.metric: change.mark for change in row.changes}
+    return [
+        change
+        for change in row.changes
+        if not is_aside(change) and marks.get(MIRRORS.get(change.metric, "")) != change.mark
+    ]
+
+
 def asides(row: Row) -> str:
-    """`counts: hits 36 -> 23, fn 22 -> 23`, or nothing."""
+    """`hits 36 -> 23, fn 22 -> 23`, or nothing."""
     found = [
         f"{change.metric} {' -> '.join(pair(change.base, change.new))}"
         for change in filter(is_aside, row.changes)
     ]
-    return f"counts: {', '.join(found)}" if found else ""
+    return ", ".join(found)
 
 
 def frames_run(frames: Sequence[int]) -> str:
@@ -152,10 +165,3 @@ def unknowns(rows: Sequence[Row]) -> list[str]:
 def is_told(row: Row) -> bool:
     """Whether there is anything to tell of a row."""
     return row.mark != " " or bool(row.changes or row.labels or row.reasons)
-
-
-def occurring(rows: Sequence[Row], times: Sequence[Time]) -> list[tuple[str, str]]:
-    """The marks that people see in these rows and times, with their meaning, worst first."""
-    seen = {row.mark for row in rows} | {change.mark for row in rows for change in row.changes}
-    seen |= {time.mark for time in times}
-    return [(mark, meaning) for mark, meaning in MARKS.items() if mark in seen and mark != " "]
