@@ -193,9 +193,15 @@ def test_renewing_needs_a_reason_and_keeps_history(results: Path, new: Path, mad
     first = above(made)["history"]
     missed(new)
     reasons = ["worse\non purpose", "“quoted” \\ \u2028\x85 # {", "back"]
+    said = []
     for folder, reason in zip((new, new, results), reasons, strict=True):
-        assert kept(folder, made, "--reason", reason).status == 0
+        done = kept(folder, made, "--reason", reason)
+        assert done.status == 0
+        said.append(done.err.partition("\n")[0])
         assert shown(made, folder)[0] == FINE
+    verdicts = ["regression: 1 of 12 rows worse", *["fine: 12 rows, none worse"] * 2]
+    verdicts[2] += ", 1 better"
+    assert said == [f"{made}: renewed; {verdict}" for verdict in verdicts]
     history = above(made)["history"]
     assert history[:1] == first
     assert "“quoted” " in made.read_text(encoding="utf-8")  # for whoever reads the difference of two commits

@@ -318,27 +318,26 @@ def test_regressions_of_all_logs_are_seen_in_their_row(results: Path, tmp_path: 
 
 def test_rows_and_figures_stand_worst_first(results: Path, tmp_path: Path) -> None:
     """What is lost before what is worse, and by the largest share of any of its figures that are worse."""
-    base = edited(
-        copied(results, tmp_path / "base"), lambda row: row | dict.fromkeys((*HIGHER, *LOWER), "0.5")
-    )
+    figures = dict.fromkeys((*HIGHER, *LOWER), "0.5") | {"splits": "5.0"}
+    base = edited(copied(results, tmp_path / "base"), lambda row: row | figures)
     new = copied(base, tmp_path / "new")
     ids = [row["configuration"] for row in table(base / "summary.csv")[:4]]
-    for name, figures in zip(
+    for name, moves in zip(
         ids,
         (
             {"pq": 0.4, "recall": 0.45, "fp_per_frame": 0.0, "gaps": 9000},
             {"pq": 0.49, "recall": 0.2, "coverage": 0.51},
             {"sq": None, "pq": 0.499},
-            {"pq": 0.9, "gaps": 9000},
+            {"pq": 0.9, "gaps": 9000, "splits": 6.0, "over_area": 9.0, "f1": 0.3},
         ),
         strict=True,
     ):
-        edited(new, cells({"log": LOG, "configuration": name}, **figures))
+        edited(new, cells({"log": LOG, "configuration": name}, **moves))
     rows = [row for row in compared(base, new).rows if row.changes]
-    assert [row.configuration for row in rows] == [ids[2], ids[1], ids[0], ids[3]]
+    assert [row.configuration for row in rows] == [ids[2], ids[3], ids[1], ids[0]]
     assert [[change.metric for change in row.changes] for row in rows] == [
         ["sq", "pq"],
+        ["over_area", "f1", "splits", "pq", "gaps"],
         ["recall", "pq", "coverage"],
         ["pq", "recall", "fp_per_frame", "gaps"],
-        ["pq", "gaps"],
     ]
