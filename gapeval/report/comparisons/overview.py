@@ -75,11 +75,11 @@ def _by_metric(rows: Sequence[Row]) -> dict[str, list[Found]]:
 
 
 def _standing(metric: str, found: Sequence[Found]) -> Standing:
-    worse = [change for _, change in filter(_is_worse, found)]
-    beyond = [change.noise.beyond for change in worse if change.noise is not None]
+    worse = [one for one in found if _is_worse(one)]
+    beyond = [change.noise.beyond for _, change in worse if change.noise is not None]
     known = [one for one in beyond if one is not None]
     better = sum(change.mark == "-" for _, change in found)
-    return Standing(metric, len(worse), better, len(known), sum(known), *min(found, key=_badness))
+    return Standing(metric, len(worse), better, len(known), sum(known), *min(worse, key=_badness))
 
 
 def _is_worse(found: Found) -> bool:
