@@ -235,11 +235,57 @@ class PoseNoise(Section):
     """of the draws; logs with equal stamps have equal errors by equal seeds"""
 
 
+class Accumulate(Section):
+    """Scans gathered in the fixed frame to one cloud, at each scan: it and those before it."""
+
+    scans: Annotated[int, Field(ge=1)] | None = None
+    """how many scans"""
+    seconds: Positive | None = None
+    """s, how long before the scan, instead"""
+
+    @model_validator(mode="after")
+    def one_is_given(self) -> Self:
+        if (self.scans is None) == (self.seconds is None):
+            raise ValueError("give either scans or seconds")
+        return self
+
+
+class RotatingLaser(Section):
+    """Planar scans of a laser that turns, gathered to a cloud for each pass; see logs.md."""
+
+    time_increment: NotNegative | None = None
+    """s from beam to beam, in place of the scans' own"""
+    range: Interval | None = None
+    """m, [low, high]: echoes outside are dropped, beside those outside the scans' own limits"""
+    shadow_filter: Annotated[float, Field(ge=0, lt=math.pi / 2)] = 0.0
+    """rad; neighbouring echoes are dropped whose line meets a beam at less than this; 0: none"""
+    echo: Literal["first", "last", "strongest"] = "first"
+    """of MultiEchoLaserScan"""
+
+
 class LogSection(Section):
-    """How a log is read."""
+    """How a log is read; see logs.md."""
 
     cloud_topic: str | None = None
-    """topic of the clouds; default: the only one"""
+    """topic of the clouds or planar scans; default: the only one"""
+    cloud_topics: tuple[str, ...] = ()
+    """topics of several lasers to merge: a cloud for each of the first's, with the nearest of the others"""
+    accumulate: Accumulate | None = None
+    deskew: bool = False
+    """move each point by the time it was measured at to where it is at the cloud's stamp"""
+    laser: RotatingLaser = RotatingLaser()
+    start: Finite | None = None
+    """s from the log's beginning; earlier clouds are left out"""
+    end: Finite | None = None
+    """s from the log's beginning; later clouds are left out"""
+    every: Annotated[int, Field(ge=1)] = 1
+    """only each so manieth cloud"""
+    strict: bool = False
+    """whether a log that cannot be read whole is an error"""
+    poses: str | None = None
+    """file of poses, TUM or KITTI, for a folder of clouds; default: the one in it"""
+    imu_topic: str | None = None
+    """sensor_msgs/Imu that tells where down is, where there is no full pose; default: the only one"""
     pose_topic: str | None = None
     """odometry or pose topic to use instead of tf"""
     robot_frame: str | None = None

@@ -84,9 +84,34 @@ def upright(mount: Transform) -> float:
     return 1.0 if mount.matrix[2, 2] >= 0 else -1.0
 
 
+@dataclass(frozen=True, slots=True)
+class Viewpoint:
+    """Where else points of a cloud were seen from. mount: robot<-sensor, at the cloud's stamp.
+
+    lowest_elevation: lowest ray of that sensor [rad], in its frame.
+    """
+
+    mount: Transform
+    lowest_elevation: float
+
+
+@dataclass(frozen=True, slots=True)
+class PoseQuality:
+    """How well the robot's pose is known at a stamp.
+
+    gap: widest time between two transforms that were interpolated [s]. roll, pitch [rad] and height [m]:
+    standard deviations, of the log's covariance and of what changes between those two transforms.
+    """
+
+    gap: float
+    roll: float
+    pitch: float
+    height: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One scan.
+    """One scan, or several that were gathered to one cloud.
 
     stamp: integer nanoseconds, from the message header.
     points: (N, 3) float32, robot frame [m], finite.
@@ -95,6 +120,9 @@ class Frame:
     pose: fixed<-robot; None for a log without any fixed frame.
     dropped: points of the cloud that are left out here, being NaN, infinite or at exactly (0, 0, 0).
     digest: SHA-256 of what was decoded, where the frame was read from a log.
+    others: where else points were seen from; empty for one scan of one sensor.
+    up: (3,) unit vector against gravity, robot frame; None where the log does not tell.
+    quality: of the pose; None for a log without any.
     """
 
     stamp: int
@@ -104,6 +132,9 @@ class Frame:
     pose: Transform | None = None
     dropped: int = 0
     digest: bytes = b""
+    others: tuple[Viewpoint, ...] = ()
+    up: tuple[float, float, float] | None = None
+    quality: PoseQuality | None = None
 
 
 @dataclass(frozen=True, slots=True)

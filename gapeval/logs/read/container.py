@@ -3,13 +3,14 @@
 import heapq
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from gapeval.errors import LogError
 
 Raw = bytes | memoryview
+HEAD = 1024  # bytes; a ROS header with the longest frame name that anybody uses
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,22 @@ class Topic:
     syntax: Literal["msg", "idl", ""] = ""
 
 
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """A part of a log that cannot be read.
+
+    file: its name; bytes: how many of it; messages: how many were in it; start, end: bag times around it
+    [ns]; None each where that is not known. reason: in words, without any of these.
+    """
+
+    file: str
+    reason: str
+    bytes: int | None = None
+    messages: int | None = None
+    start: int | None = None
+    end: int | None = None
+
+
 Message = tuple[Topic, int, Raw]
 Messages = Callable[[Collection[str], int | None, int | None], Iterator[Message]]
 
@@ -40,7 +57,9 @@ class Container:
 
     start, end: first and last bag time [ns]; None without messages, or where only reading would tell.
     messages: (topic names, start, stop) -> messages with start <= bag time < stop, in the order of their bag
-    times, ties always in the same order. Raises LogError where the file turns out to be damaged.
+    times, ties always in the same order. Raises LogError where the file turns out to be damaged beyond use.
+    heads: the same messages, of which only the first HEAD bytes need be there.
+    losses: what cannot be read, each once; grows while messages are read.
     """
 
     kind: str
@@ -48,7 +67,9 @@ class Container:
     start: int | None
     end: int | None
     messages: Messages
+    heads: Messages
     notices: tuple[str, ...] = ()
+    losses: list[Loss] = field(default_factory=list)
 
 
 @contextmanager

@@ -40,6 +40,7 @@ def open_mcap_file(path: Path) -> Iterator[Container]:
             start=min((block.start for block in blocks), default=None),
             end=max((block.end for block in blocks), default=None),
             messages=partial(_messages, stream, path, index, topics),
+            heads=partial(_messages, stream, path, index, topics),
             notices=index.notices,
         )
 

@@ -31,6 +31,7 @@ def open_ros1_bag(path: Path) -> Iterator[Container]:
                 start=None if empty else reader.start_time,
                 end=None if empty else reader.end_time - 1,
                 messages=partial(_messages, reader, path),
+                heads=partial(_messages, reader, path),
             )
         yield container
     finally:

@@ -37,6 +37,7 @@ def open_sqlite_file(path: Path) -> Iterator[Container]:
                 start=None if empty else int(reader.metadata.start_time),
                 end=None if empty else int(reader.metadata.end_time) - 1,
                 messages=partial(_messages, reader, path),
+                heads=partial(_messages, reader, path),
             )
         yield container
     finally:
