@@ -33,6 +33,7 @@ from gapeval.errors import LogError
 from gapeval.frame import Frame
 from gapeval.logs.read import is_costly_to_open, read_frames, read_recording
 from gapeval.logs.read.container import Source, in_time_order
+from gapeval.logs.read.losses import BAD_CHECKSUM
 from gapeval.logs.read.opening import open_container
 
 START = 1_700_000_000_000_000_000
@@ -202,7 +203,7 @@ def test_a_bag_that_was_never_closed(tmp_path, clouds, poses):
     assert "never closed and has no index; `rosbag reindex log.bag` writes its index" in one_line(path)
 
 
-@pytest.mark.parametrize("container", ["bag-lz4", "bag-bz2", "mcap", "mcap-bare", "db3", "sqlite3-file"])
+@pytest.mark.parametrize("container", ["bag-lz4", "bag-bz2", "db3", "sqlite3-file"])
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.95])
 def test_a_file_that_is_cut(tmp_path, clouds, poses, container, share):
     path = write_log(tmp_path / "log", clouds=clouds, poses=poses, container=container)
@@ -240,12 +241,22 @@ def digests_or_refusals(path):
 
 @pytest.mark.parametrize("options", [{}, {"use_chunking": False, "enable_data_crcs": True}])
 def test_a_wrong_checksum_is_found(tmp_path, clouds, options):
+    """A chunk is left out; outside of chunks nobody knows which message is wrong, so that is told alone."""
     records = [cloud_record(stamp, points) for stamp, points in clouds]
     path = write_mcap(tmp_path / "log.mcap", records, compression=CompressionType.NONE, **options)
     data = bytearray(path.read_bytes())
     data[data.index(np.float32(clouds[4][1][9, 0]).tobytes())] ^= 1
     path.write_bytes(data)
-    assert "CRCValidationError: crc validation failed" in one_line(path)
+    with open_container(path) as container:
+        read = [time for _, time, _ in container.messages(["/points"], None, None)]
+    if options:
+        assert container.notices == ("the checksum (CRC) of its data is wrong",)
+        assert len(read) == COUNT
+        return
+    (loss,) = container.losses
+    assert (loss.reason, loss.messages) == (BAD_CHECKSUM, COUNT - len(read))
+    assert loss.start <= clouds[4][0] <= loss.end
+    assert not any(loss.start <= time <= loss.end for time in read)
 
 
 def test_a_wrong_checksum_of_the_summary_costs_nothing_but_time(tmp_path, clouds, poses, expected):

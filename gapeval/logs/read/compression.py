@@ -1,11 +1,18 @@
-"""zstd as rosbag2 uses it: around whole files, or around single messages."""
+"""Compressed chunks, and zstd as rosbag2 uses it: around whole files, or around single messages.
 
+What is compressed is never believed: nothing larger than it can be is allocated.
+"""
+
+import bz2
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
+
+from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
 
 from gapeval.logs.read.container import Raw, library_errors
 
@@ -17,9 +24,72 @@ else:
 MAGIC = b"\x28\xb5\x2f\xfd"
 
 
+LARGEST = 1 << 30  # bytes of a chunk or message; recorders close chunks at a few MB
+# How many times its size anything can become: in lz4 a byte stands for at most 255; a block of zstd has at
+# most 128 KiB and at least 4 bytes. bz2 has no limit below a million.
+GROWTH = {"lz4": 256, "zstd": 1 << 15, "bz2": 1 << 20}
+
+
+class BombError(Exception):
+    """More bytes are promised than can be in there, or than any log has in one piece."""
+
+
+class DamagedError(Exception):
+    """What does not decompress, or not to as many bytes as it says."""
+
+
+def decompressed_chunk(data: Raw, compression: str, size: int) -> Raw:
+    """A chunk of `size` bytes. Raises BombError before any allocation, or DamagedError.
+
+    compression: a key of GROWTH, or `none` or nothing.
+    """
+    if compression in ("", "none"):
+        if len(data) != size:
+            raise DamagedError
+        return data
+    if size > LARGEST or size > GROWTH[compression] * len(data) + 64:
+        raise BombError
+    decompressor = _DECOMPRESSORS[compression]()
+    try:
+        # One byte more shows whether there is more than what was said, and is all that is made of it.
+        content: bytes = decompressor.decompress(data, max_length=size + 1)
+    except Exception as error:
+        # RuntimeError, OSError, EOFError, ZstdError ...: each codec has its own.
+        raise DamagedError from error
+    if len(content) != size:
+        raise DamagedError
+    return content
+
+
+_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
+    "lz4": LZ4FrameDecompressor,
+    "zstd": zstd.ZstdDecompressor,
+    "bz2": bz2.BZ2Decompressor,
+}
+
+
 def decompressed(data: Raw) -> Raw:
-    """A message as it was before rosbag2 compressed it; CDR never begins with zstd's magic."""
-    return zstd.decompress(data) if data[:4] == MAGIC else data
+    """A message as it was before rosbag2 compressed it; CDR never begins with zstd's magic.
+
+    Raises BombError or DamagedError.
+    """
+    if data[:4] != MAGIC:
+        return data
+    try:
+        declared = zstd.get_frame_info(data).decompressed_size
+    except Exception as error:
+        raise DamagedError from error
+    limit = min(GROWTH["zstd"] * len(data), LARGEST)
+    if declared is not None and declared > limit:
+        raise BombError
+    decompressor = zstd.ZstdDecompressor()
+    try:
+        content = decompressor.decompress(data, max_length=limit if declared is None else declared)
+    except Exception as error:
+        raise DamagedError from error
+    if not decompressor.eof:
+        raise DamagedError
+    return content
 
 
 @contextmanager

@@ -8,6 +8,8 @@ from gapeval.errors import LogError
 from gapeval.logs.read import compression, mcap_index, ros1_bag, sqlite_file
 from gapeval.logs.read.container import Container, library_errors
 from gapeval.logs.read.mcap_file import open_mcap_file
+from gapeval.logs.read.mcap_records import MAGIC as MCAP
+from gapeval.logs.read.raw_file import raw_file
 from gapeval.logs.read.ros1_bag import open_ros1_bag
 from gapeval.logs.read.rosbag2_folder import open_rosbag2_folder
 from gapeval.logs.read.sqlite_file import open_sqlite_file
@@ -30,7 +32,7 @@ def open_file(path: Path) -> AbstractContextManager[Container]:
         return open_ros1_bag(path)
     if magic.startswith(sqlite_file.MAGIC):
         return open_sqlite_file(path)
-    if magic.startswith(mcap_index.MAGIC):
+    if magic.startswith(MCAP):
         return open_mcap_file(path)
     if magic.startswith(compression.MAGIC):
         return _open_compressed(path)
@@ -46,10 +48,10 @@ def is_costly_to_open(path: Path) -> bool:
 
 def _is_costly(path: Path) -> bool:
     magic = _magic(path)
-    if not magic.startswith(mcap_index.MAGIC):
+    if not magic.startswith(MCAP):
         return magic.startswith(compression.MAGIC)
-    with library_errors(path, "MCAP", "record it again"), path.open("rb") as stream:
-        return not mcap_index.is_indexed(stream)
+    with raw_file(path) as file:
+        return not mcap_index.is_indexed(file)
 
 
 @contextmanager

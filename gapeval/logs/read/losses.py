@@ -1,0 +1,30 @@
+"""What of a log was lost, each part of it told once."""
+
+from dataclasses import dataclass, field
+
+from gapeval.logs.read.container import Loss
+
+# Reasons; a Loss puts them beside file, bytes and times.
+CUT = "the file ends in the middle of it"
+UNREADABLE_RECORDS = "no record can be made out there"
+BAD_CHUNK = "a chunk does not decompress"
+BAD_CHECKSUM = "a chunk does not match its checksum (CRC)"
+BAD_CHUNK_RECORDS = "the records in a chunk are damaged"
+BOMB = "a chunk would be larger than its compression allows, or than 1 GiB"
+UNKNOWN_COMPRESSION = "a chunk is compressed in a way that gapeval does not know"
+INDEX_LIES = "the index points to where nothing is, so the file was read from end to end"
+UNDESCRIBED = "messages of a topic that the log does not describe"
+BAD_MESSAGE = "a compressed message does not decompress"
+
+
+@dataclass(frozen=True, slots=True)
+class Losses:
+    """found: in the order in which they were met."""
+
+    found: list[Loss] = field(default_factory=list)
+    _known: set[Loss] = field(default_factory=set)
+
+    def add(self, loss: Loss) -> None:
+        if loss not in self._known:
+            self._known.add(loss)
+            self.found.append(loss)
