@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from gapeval.logs.read.container import Loss
 
 # Reasons; a Loss puts them beside file, bytes and times.
-CUT = "the file ends in the middle of it"
+CUT = "the file was never closed or is cut: what came behind its last whole record is not there"
 UNREADABLE_RECORDS = "no record can be made out there"
 BAD_CHUNK = "a chunk does not decompress"
 BAD_CHECKSUM = "a chunk does not match its checksum (CRC)"
@@ -15,6 +15,14 @@ UNKNOWN_COMPRESSION = "a chunk is compressed in a way that gapeval does not know
 INDEX_LIES = "the index points to where nothing is, so the file was read from end to end"
 UNDESCRIBED = "messages of a topic that the log does not describe"
 BAD_MESSAGE = "a compressed message does not decompress"
+
+
+class LostError(Exception):
+    """A part of which nothing can be used. reason: one of those above."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from collections.abc import Collection, Iterator
 
 from mcap.opcode import Opcode
 
+from gapeval.logs.read.blocks import Found, MisplacedError, Read
 from gapeval.logs.read.compression import MAGIC as ZSTD
 from gapeval.logs.read.compression import BombError, DamagedError, decompressed_chunk
 from gapeval.logs.read.container import HEAD, Loss, Raw
@@ -15,6 +16,7 @@ from gapeval.logs.read.losses import (
     BOMB,
     CUT,
     UNKNOWN_COMPRESSION,
+    LostError,
 )
 from gapeval.logs.read.mcap_records import (
     CODECS,
@@ -30,20 +32,6 @@ from gapeval.logs.read.mcap_records import HEAD as RECORD
 from gapeval.logs.read.raw_file import CutError, RawFile
 
 BEFORE_DATA = RECORD_AND_MESSAGE_HEAD.size
-
-Found = tuple[int, int, int, Raw]  # bag time [ns], place in the chunk, channel, data
-
-
-class LostError(Exception):
-    """A block of which nothing can be used. reason: one of those in losses."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(reason)
-        self.reason = reason
-
-
-class MisplacedError(Exception):
-    """The index says otherwise than the bytes it points to."""
 
 
 def chunk_content(file: RawFile, chunk: Chunk) -> Raw:
@@ -102,13 +90,11 @@ def messages_in(content: Raw, wanted: Collection[int], low: int, high: int) -> t
     return found, at
 
 
-def read_block(
-    file: RawFile, block: Block, wanted: Collection[int], low: int, high: int
-) -> tuple[list[Found], Loss | None]:
+def read_block(file: RawFile, block: Block, wanted: Collection[int], low: int, high: int) -> Read:
     """The messages in a block, and what of it was lost. Raises MisplacedError where no such block is."""
     if not block.is_chunk:
         content: Raw = file.read(block.offset, block.stop - block.offset)
-        return messages_in(content, wanted, low, high)[0], None
+        return messages_in(content, wanted, low, high)[0], []
     try:
         chunk = chunk_at(file, block.offset)
     except (RecordError, CutError) as error:
@@ -120,22 +106,22 @@ def read_block(
     try:
         content = chunk_content(file, chunk)
     except LostError as error:
-        return [], _loss(file, block, error.reason, chunk.stop - chunk.offset, block.count)
+        return [], [_loss(file, block, error.reason, chunk.stop - chunk.offset, block.count)]
     found, stop = messages_in(content, wanted, low, high)
     if stop == len(content):
-        return found, None
-    return found, _loss(file, block, BAD_CHUNK_RECORDS, len(content) - stop, None)
+        return found, []
+    return found, [_loss(file, block, BAD_CHUNK_RECORDS, len(content) - stop, None)]
 
 
 def read_heads(
     file: RawFile, block: Block, wanted: Collection[int], whole: Collection[int], low: int, high: int
-) -> tuple[list[Found], Loss | None]:
+) -> Read:
     """Like read_block, where a chunk without compression is read only where its messages begin."""
     if block.is_chunk and block.indexes:
         try:
             chunk = chunk_at(file, block.offset)
             if not chunk.compression and chunk.stop == block.stop <= file.size:
-                return _heads(file, chunk, block, wanted, whole, low, high), None
+                return _heads(file, chunk, block, wanted, whole, low, high), []
         except (RecordError, CutError):
             # Whatever is wrong with it shows again, and is told, when it is read whole.
             pass
@@ -183,14 +169,12 @@ def _head(file: RawFile, chunk: Chunk, channel: int, time: int, at: int, is_whol
     return time, at, channel, data
 
 
-def _read_cut(
-    file: RawFile, chunk: Chunk, wanted: Collection[int], low: int, high: int
-) -> tuple[list[Found], Loss | None]:
+def _read_cut(file: RawFile, chunk: Chunk, wanted: Collection[int], low: int, high: int) -> Read:
     """What is whole of the last chunk of a file that was cut, which has no checksum any more."""
     if chunk.compression:
-        return [], None
+        return [], []
     content = file.upto(chunk.data, chunk.length)
-    return messages_in(content, wanted, low, high)[0], None
+    return messages_in(content, wanted, low, high)[0], []
 
 
 def _loss(file: RawFile, block: Block, reason: str, size: int, count: int | None) -> Loss:

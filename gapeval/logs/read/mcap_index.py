@@ -7,11 +7,11 @@ from mcap.opcode import Opcode
 from mcap.records import Statistics
 
 from gapeval.logs.read import mcap_records
+from gapeval.logs.read.blocks import LAST_TIME
 from gapeval.logs.read.losses import Losses
 from gapeval.logs.read.mcap_records import (
     FOOTER,
     HEAD,
-    LAST_TIME,
     MAGIC,
     TAIL,
     Index,
@@ -116,7 +116,7 @@ def _is_complete(index: Index, statistics: Statistics) -> bool:
         return False
     named = set(index.counts)
     for block in index.blocks:
-        named |= block.channels or set()
+        named |= block.topics or set()
     known = {0, *index.schemas}
     return (
         all(number in index.channels and index.channels[number].schema_id in known for number in named)

@@ -26,7 +26,6 @@ CHUNK_INDEX_HEAD = struct.Struct("<QQQQI")
 MESSAGE_INDEX_HEAD = struct.Struct("<HI")
 CODECS = ("", "lz4", "zstd")
 LONGEST_CODEC = 16
-LAST_TIME = (1 << 63) - 1  # bag times are int64 from here on
 
 
 Record = TypeVar("Record", Schema, Channel, Statistics)
@@ -59,7 +58,7 @@ class Chunk:
 class Block:
     """A chunk, or a message that stands in no chunk.
 
-    offset: of its record in the file; stop: behind it; start, end: bag times [ns]; channels: those with
+    offset: of its record in the file; stop: behind it; start, end: bag times [ns]; topics: channels with
     messages in it, None where that is not known; count: messages in it, None likewise. indexes: where the
     records of message indexes of a chunk stand, by channel.
     """
@@ -69,20 +68,21 @@ class Block:
     stop: int
     start: int
     end: int
-    channels: frozenset[int] | None
+    topics: frozenset[int] | None
     count: int | None = None
     indexes: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(slots=True)
 class Index:
-    """What an MCAP file holds. counts: messages by channel."""
+    """What an MCAP file holds. counts: messages by channel; is_walked: whether its records alone say so."""
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: Counter[int] = field(default_factory=Counter)
     blocks: list[Block] = field(default_factory=list)
     notices: tuple[str, ...] = ()
+    is_walked: bool = False
 
 
 def record_at(file: RawFile, offset: int) -> tuple[int, int]:

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 from mcap.opcode import Opcode
 
 from gapeval.logs.read import mcap_records
+from gapeval.logs.read.blocks import LAST_TIME
 from gapeval.logs.read.container import Loss, Raw
-from gapeval.logs.read.losses import CUT, UNREADABLE_RECORDS, Losses
-from gapeval.logs.read.mcap_chunk import LostError, chunk_content, records
+from gapeval.logs.read.losses import CUT, UNREADABLE_RECORDS, Losses, LostError
+from gapeval.logs.read.mcap_chunk import chunk_content, records
 from gapeval.logs.read.mcap_records import (
     FOOTER,
     HEAD,
     LAST_OPCODE,
-    LAST_TIME,
     MAGIC,
     MESSAGE_HEAD,
     Block,
@@ -49,17 +49,21 @@ class _Walk:
     first: int | None = None  # bag times seen [ns]
     last: int | None = None
     lost: tuple[int, int] | None = None  # bytes behind which no message has been seen yet
+    closed: bool = False  # whether it has a footer
+    cut: bool = False
     unchecked: bool = False  # whether any data has no checksum but that of the whole
     checksum: int = 0
 
 
 def walked(file: RawFile, losses: Losses) -> Index:
     """The index of a file by its records alone."""
-    walk = _Walk(file, losses, Index())
+    walk = _Walk(file, losses, Index(is_walked=True))
     at = len(MAGIC)
     while at < file.size:
         at = _step(walk, at)
     _tell_gap(walk, None)
+    if not (walk.closed or walk.cut):
+        losses.add(Loss(file.path.name, CUT, 0, None, walk.last, None))
     if walk.checksum and walk.unchecked and walk.checksum != _data_checksum(file):
         walk.index.notices += (_UNTOLD,)
     return walk.index
@@ -80,9 +84,10 @@ def _step(walk: _Walk, at: int) -> int:
         _take(walk, opcode, at, stop)
     except (RecordError, CutError):
         found = _next(walk, at + 1)
-        if found == file.size and _take_cut(walk, at):
-            return found
-        _add_gap(walk, at, found)
+        if found < file.size:
+            _add_gap(walk, at, found)
+        else:
+            _take_cut(walk, at)
         return found
     return stop
 
@@ -112,8 +117,10 @@ def _take(walk: _Walk, opcode: int, at: int, stop: int) -> None:
         _add(walk, Block(False, at, stop, time, time, frozenset({channel}), 1))
     elif opcode == Opcode.DATA_END and stop - start >= 4:
         walk.checksum = int.from_bytes(file.read(start, 4), "little")
-    elif opcode == Opcode.FOOTER and stop - start != FOOTER:
-        raise RecordError("a footer of odd length")
+    elif opcode == Opcode.FOOTER:
+        if stop - start != FOOTER:
+            raise RecordError("a footer of odd length")
+        walk.closed = True
 
 
 def _take_chunk(walk: _Walk, chunk: Chunk) -> int:
@@ -132,7 +139,7 @@ def _take_chunk(walk: _Walk, chunk: Chunk) -> int:
             block,
             start=min(times),
             end=max(times),
-            channels=frozenset(counts),
+            topics=frozenset(counts),
             count=len(times),
             indexes=places,
         )
@@ -146,9 +153,7 @@ def _take_chunk(walk: _Walk, chunk: Chunk) -> int:
             return stop
         seen, times = _take_content(index, content)
         if seen and not block.indexes:
-            block = replace(
-                block, start=min(times), end=max(times), channels=frozenset(seen), count=len(times)
-            )
+            block = replace(block, start=min(times), end=max(times), topics=frozenset(seen), count=len(times))
             counts = dict(seen)
     index.counts.update(counts)
     if counts:
@@ -191,7 +196,7 @@ def _take_content(index: Index, content: Raw) -> tuple[Counter[int], list[int]]:
     return seen, times
 
 
-def _take_cut(walk: _Walk, at: int) -> bool:
+def _take_cut(walk: _Walk, at: int) -> None:
     """Takes in the whole messages of a chunk in which the file ends, and says that it does."""
     file = walk.file
     size = file.size - at
@@ -208,8 +213,8 @@ def _take_cut(walk: _Walk, at: int) -> bool:
     except (RecordError, CutError):
         pass
     _tell_gap(walk, None)
+    walk.cut = True
     walk.losses.add(Loss(file.path.name, CUT, size, None, walk.last, None))
-    return True
 
 
 def _note(index: Index, opcode: int, content: Raw) -> None:

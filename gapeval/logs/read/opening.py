@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from gapeval.errors import LogError
-from gapeval.logs.read import compression, mcap_index, ros1_bag, sqlite_file
+from gapeval.logs.read import compression, mcap_index, ros1_index, ros1_records, sqlite_file
 from gapeval.logs.read.container import Container, library_errors
 from gapeval.logs.read.mcap_file import open_mcap_file
 from gapeval.logs.read.mcap_records import MAGIC as MCAP
@@ -28,7 +28,7 @@ def open_container(path: Path) -> AbstractContextManager[Container]:
 def open_file(path: Path) -> AbstractContextManager[Container]:
     """One file of a log, by itself."""
     magic = _magic(path)
-    if magic.startswith(ros1_bag.MAGIC):
+    if magic.startswith(ros1_records.MAGIC):
         return open_ros1_bag(path)
     if magic.startswith(sqlite_file.MAGIC):
         return open_sqlite_file(path)
@@ -48,10 +48,13 @@ def is_costly_to_open(path: Path) -> bool:
 
 def _is_costly(path: Path) -> bool:
     magic = _magic(path)
-    if not magic.startswith(MCAP):
-        return magic.startswith(compression.MAGIC)
-    with raw_file(path) as file:
-        return not mcap_index.is_indexed(file)
+    if magic.startswith(MCAP):
+        with raw_file(path) as file:
+            return not mcap_index.is_indexed(file)
+    if magic.startswith(ros1_records.MAGIC):
+        with raw_file(path) as file:
+            return not ros1_index.is_indexed(file)
+    return magic.startswith(compression.MAGIC)
 
 
 @contextmanager
