@@ -45,8 +45,8 @@ class BlockLog(Generic[Block]):
 
     topics: by number. read: (block, numbers, low, high) -> the messages with low <= bag time < high, and what
     was lost; read_heads: (block, numbers, those needed whole, low, high) -> the same with heads.
-    unpack: a message as it was before it was compressed. walk: blocks and topics by the bytes alone, for when the
-    index turns out to be wrong; is_walked: whether they are.
+    unpack: a message as it was before it was compressed. walk: blocks and topics by the bytes alone, for when
+    the index turns out to be wrong; is_walked: whether they are.
     """
 
     file: RawFile

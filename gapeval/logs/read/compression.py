@@ -4,7 +4,6 @@ What is compressed is never believed: nothing larger than it can be is allocated
 """
 
 import bz2
-import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -24,6 +23,8 @@ else:
 MAGIC = b"\x28\xb5\x2f\xfd"
 
 
+_PIECE = 1 << 20  # bytes that are read or written together
+MOST_GROWTH = 1000  # times its size that a file may become, on top of what a single chunk may be
 LARGEST = 1 << 30  # bytes of a chunk or message; recorders close chunks at a few MB
 # How many times its size anything can become: in lz4 a byte stands for at most 255; a block of zstd has at
 # most 128 KiB and at least 4 bytes. bz2 has no limit below a million.
@@ -93,15 +94,34 @@ def decompressed(data: Raw) -> Raw:
 
 
 @contextmanager
-def decompressed_file(path: Path) -> Iterator[Path]:
-    """A copy of a zstd file without its compression, in a temporary folder that is gone afterwards."""
+def decompressed_file(path: Path) -> Iterator[tuple[Path, int | None]]:
+    """A copy of a zstd file without its compression, in a temporary folder that is gone afterwards.
+
+    And how many bytes of the file were left when it stopped making sense, None where it is whole. Raises
+    LogError where nothing can be decompressed.
+    """
     with TemporaryDirectory(prefix="gapeval-") as folder:
         # Named like the original, since error lines name it.
         copy = Path(folder, path.name.removesuffix(".zstd"))
-        with (
-            library_errors(path, "zstd file", "record it again, or unpack it with `zstd -d`"),
-            zstd.open(path, "rb") as source,
-            copy.open("wb") as target,
-        ):
-            shutil.copyfileobj(source, target, 1 << 20)
-        yield copy
+        with library_errors(path, "zstd file", "record it again"):
+            left = _decompress(path, copy)
+        yield copy, left
+
+
+def _decompress(path: Path, copy: Path) -> int | None:
+    """None where the file is whole, else the bytes behind the place where it stops making sense."""
+    size = path.stat().st_size
+    limit, written = MOST_GROWTH * size + LARGEST, 0
+    with path.open("rb") as raw, zstd.open(raw, "rb") as source, copy.open("wb") as target:
+        while written <= limit:
+            try:
+                # Not read(), which would throw away what it has when it runs into the damage.
+                content = source.read1(_PIECE)
+            except (EOFError, zstd.ZstdError) as error:
+                if not written:
+                    raise ValueError("nothing of it can be decompressed") from error
+                break
+            if not content:
+                return None
+            written += target.write(content)
+        return size - raw.tell()

@@ -17,6 +17,18 @@ UNDESCRIBED = "messages of a topic that the log does not describe"
 BAD_MESSAGE = "a compressed message does not decompress"
 
 
+ODD_ROW = "a row of the database is no message"
+MISSING_ROWS = "rows are missing from the database"
+BROKEN_CHAIN = "a message's pages in the database do not hang together"
+CUT_DATABASE = "the database is cut: its last pages are not there"
+WAL_LEFT = "the database is damaged, so what is in its -wal file was not read"
+
+
+CUT_COMPRESSED = "the file's compression is cut or damaged: what came behind is not there"
+MISSING_PART = "a part of the log is not there, though metadata.yaml names it"
+UNREADABLE_PART = "a part of the log cannot be read"
+
+
 class LostError(Exception):
     """A part of which nothing can be used. reason: one of those above."""
 

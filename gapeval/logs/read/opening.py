@@ -6,7 +6,8 @@ from pathlib import Path
 
 from gapeval.errors import LogError
 from gapeval.logs.read import compression, mcap_index, ros1_index, ros1_records, sqlite_file
-from gapeval.logs.read.container import Container, library_errors
+from gapeval.logs.read.container import Container, Loss, library_errors
+from gapeval.logs.read.losses import CUT_COMPRESSED
 from gapeval.logs.read.mcap_file import open_mcap_file
 from gapeval.logs.read.mcap_records import MAGIC as MCAP
 from gapeval.logs.read.raw_file import raw_file
@@ -59,11 +60,14 @@ def _is_costly(path: Path) -> bool:
 
 @contextmanager
 def _open_compressed(path: Path) -> Iterator[Container]:
-    with compression.decompressed_file(path) as copy:
+    with compression.decompressed_file(path) as (copy, left):
         if _magic(copy).startswith(compression.MAGIC):
             raise LogError(f"{path}: compressed more than once; unpack it with `zstd -d`")
         try:
             with open_file(copy) as container:
+                # A copy that is cut says so itself.
+                if left is not None and not container.losses:
+                    container.losses.append(Loss(path.name, CUT_COMPRESSED, left))
                 yield container
         except LogError as error:
             # The copy is gone when the line is read.
