@@ -111,8 +111,8 @@ def _in_order(
     while True:
         wanted = {number: topic for number, topic in log.topics.items() if topic.name in names}
         read = reading(wanted)
-        try:
-            with library_errors(log.file.path, log.kind, "record it again"):
+        with library_errors(log.file.path, log.kind, "record it again"):
+            try:
                 for key, number, raw in _run(log, read, wanted, low, high):
                     if key <= last:
                         continue
@@ -120,14 +120,14 @@ def _in_order(
                     whole = _unpacked(log, key[0], raw)
                     if whole is not None:
                         yield wanted[number], key[0], whole
-            return
-        except MisplacedError as error:
-            if log.is_walked:
-                raise LogError(f"{log.file.path}: changed while it was read; read it again") from error
-            log.losses.add(Loss(log.file.path.name, INDEX_LIES))
-            log.blocks, topics = log.walk()
-            log.topics |= {number: topic for number, topic in topics.items() if number not in log.topics}
-            log.is_walked = True
+                return
+            except MisplacedError as error:
+                if log.is_walked:
+                    raise LogError(f"{log.file.path}: changed while it was read; read it again") from error
+                log.losses.add(Loss(log.file.path.name, INDEX_LIES))
+                log.blocks, topics = log.walk()
+                log.topics |= {number: topic for number, topic in topics.items() if number not in log.topics}
+                log.is_walked = True
 
 
 def _run(

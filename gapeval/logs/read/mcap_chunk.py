@@ -120,7 +120,7 @@ def read_heads(
     if block.is_chunk and block.indexes:
         try:
             chunk = chunk_at(file, block.offset)
-            if not chunk.compression and chunk.stop == block.stop <= file.size:
+            if not chunk.compression and chunk.stop == block.stop <= file.size and chunk.size == chunk.length:
                 return _heads(file, chunk, block, wanted, whole, low, high), []
         except (RecordError, CutError):
             # Whatever is wrong with it shows again, and is told, when it is read whole.
