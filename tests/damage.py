@@ -248,7 +248,6 @@ BAG_DAMAGES: tuple[Callable[[Path, str], Damaged], ...] = (
     swapped_index_bag,
     damaged_chunk_bag,
     bomb_bag,
-    lying_size_bag,
     odd_definitions_bag,
 )
 

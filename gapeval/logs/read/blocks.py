@@ -138,7 +138,7 @@ def _run(
     high: int,
 ) -> Iterator[tuple[Key, int, Raw]]:
     """Blocks are opened in the order of their start; a message waits for the blocks that begin before it."""
-    blocks = [b for b in log.blocks if b.end >= low and b.start < high and _holds(b, wanted)]
+    blocks = [b for b in log.blocks if b.end >= low and b.start < high and _holds(log, b, wanted)]
     blocks.sort(key=lambda block: (block.start, block.offset))
     heap: list[tuple[int, int, int, int, Raw]] = []
     with ahead(lambda block: read(block, wanted.keys(), low, high), blocks) as loaded:
@@ -157,8 +157,9 @@ def _run(
         yield (time, offset, place), number, raw
 
 
-def _holds(block: Span, wanted: Collection[int]) -> bool:
-    return block.topics is None or any(number in wanted for number in block.topics)
+def _holds(log: BlockLog[Block], block: Block, wanted: Collection[int]) -> bool:
+    # Of a file that contradicts itself only the messages are believed.
+    return log.is_walked or block.topics is None or any(number in wanted for number in block.topics)
 
 
 def _unpacked(log: BlockLog[Block], time: int, raw: Raw) -> Raw | None:
