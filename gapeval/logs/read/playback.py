@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from gapeval.errors import LogError
 from gapeval.frame import Frame, Transform, sensor_angles
-from gapeval.logs.read.cloud import UnreadableCloudError, cloud_points, transformed
+from gapeval.logs.read.cloud import UnreadableCloudError, transformed
 from gapeval.logs.read.container import Container, Raw, Topic
-from gapeval.logs.read.message import UndecodableError, decode
+from gapeval.logs.read.content import UndecodableError, cloud
 from gapeval.logs.read.opening import open_container
 from gapeval.logs.read.recording import Recording, RefusedScan, Scans
 from gapeval.logs.read.survey import UNDECODABLE, ranked
@@ -108,21 +108,21 @@ def _read_scan(recording: Recording, index: int, topic: Topic, raw: Raw) -> Fram
     scans = recording.scans
     stamp = int(scans.stamps[index])
     try:
-        points = cloud_points(decode(topic, raw))
+        points = cloud(topic, raw)
     except UndecodableError as error:
         return RefusedScan(stamp, UNDECODABLE, str(error))
     except UnreadableCloudError as error:
         return RefusedScan(stamp, error.reason, error.detail)
-    cloud, sensor = scans.cloud.at(index), scans.sensor.at(index)
+    placed, sensor = scans.cloud.at(index), scans.sensor.at(index)
     pose = None if scans.pose is None else scans.pose.at(index)
     return Frame(
         stamp=stamp,
-        points=transformed(cloud, points.xyz),
+        points=transformed(placed, points.xyz),
         sensor=sensor,
         lowest_elevation=recording.lowest_elevation,
         pose=pose,
         dropped=points.not_finite + points.zero,
-        digest=scan_digest(stamp, points.xyz, (cloud, sensor, pose)),
+        digest=scan_digest(stamp, points.xyz, (placed, sensor, pose)),
     )
 
 

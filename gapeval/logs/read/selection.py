@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 
 from gapeval.errors import LogError
 from gapeval.logs.read.container import Topic, ros1_type
-from gapeval.logs.read.message import POINT_CLOUD, is_decodable
-from gapeval.logs.read.samples import POSE_TYPES, pose_topics
+from gapeval.logs.read.message import POINT_CLOUD, POSE_TYPES, is_decodable
+from gapeval.logs.read.samples import pose_topics
 from gapeval.logs.read.transforms import TransformTree, ancestors, find_path, frames
 
 READS = "gapeval reads sensor_msgs/PointCloud2"

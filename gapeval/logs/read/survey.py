@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.logs.read.container import Container, Topic
-from gapeval.logs.read.message import UndecodableError, decode, frame_of, stamp_of
+from gapeval.logs.read.content import UndecodableError, head, pose, transforms
 from gapeval.logs.read.opening import open_container
-from gapeval.logs.read.samples import Samples, add_pose, add_tf
+from gapeval.logs.read.samples import Samples, add_transforms
 
 Progress = Callable[[int, int], None]
 
@@ -81,10 +81,10 @@ def take_survey(
             if topic.name == cloud_topic:
                 _add_cloud(clouds, topic, time, raw)
             elif topic.name in tf:
-                add_tf(samples, topic.name, decode(topic, raw))
+                add_transforms(samples, topic.name, transforms(topic, raw))
             else:
-                add_pose(samples, topic.name, decode(topic, raw))
-        except (UndecodableError, AttributeError):
+                add_transforms(samples, topic.name, [pose(topic, raw)])
+        except UndecodableError:
             broken[topic.name] += 1
         if progress is not None:
             progress(done, max(total, done))
@@ -97,8 +97,8 @@ def read_poses(path: Path, topic: str) -> Samples:
     with open_container(path) as container:
         for found, _, raw in container.messages([topic], None, None):
             try:
-                add_pose(samples, topic, decode(found, raw))
-            except (UndecodableError, AttributeError):
+                add_transforms(samples, topic, [pose(found, raw)])
+            except UndecodableError:
                 continue
     return samples
 
@@ -120,13 +120,13 @@ def _add_cloud(clouds: _Rows, topic: Topic, time: int, raw: bytes | memoryview) 
     index = clouds.read
     clouds.read += 1
     try:
-        header = decode(topic, raw).header
+        found = head(topic, raw)
     except UndecodableError as error:
         clouds.undecodable.append(time)
         clouds.why = clouds.why or str(error)
         return
-    clouds.rows.append((stamp_of(header), time, clouds.rank, index))
-    clouds.frames.append(frame_of(header.frame_id))
+    clouds.rows.append((found.stamp, time, clouds.rank, index))
+    clouds.frames.append(found.frame)
 
 
 def _headers(clouds: _Rows) -> CloudHeaders:
