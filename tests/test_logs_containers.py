@@ -4,7 +4,6 @@ import re
 import shutil
 import sqlite3
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
