@@ -51,6 +51,7 @@ class Loss:
 
 Message = tuple[Topic, int, Raw]
 Messages = Callable[[Collection[str], int | None, int | None], Iterator[Message]]
+Heads = Callable[[Collection[str], Collection[str], int | None, int | None], Iterator[Message]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,9 @@ class Container:
     start, end: first and last bag time [ns]; None without messages, or where only reading would tell.
     messages: (topic names, start, stop) -> messages with start <= bag time < stop, in the order of their bag
     times, ties always in the same order. Raises LogError where the file turns out to be damaged beyond use.
-    heads: the same messages, of which only the first HEAD bytes need be there.
+    heads: (topic names of which heads suffice, topic names that are needed whole, start, stop) -> the same
+    messages in the same order; of the former only the first HEAD bytes need be there, so that a message shorter
+    than HEAD comes whole. A checksum over more than what is read is not looked at.
     losses: what cannot be read, each once; grows while messages are read.
     """
 
@@ -69,9 +72,20 @@ class Container:
     start: int | None
     end: int | None
     messages: Messages
-    heads: Messages
+    heads: Heads
     notices: tuple[str, ...] = ()
     losses: list[Loss] = field(default_factory=list)
+
+
+def whole_heads(messages: Messages) -> Heads:
+    """Heads where nothing is cheaper than whole messages."""
+
+    def heads(
+        names: Collection[str], whole: Collection[str], start: int | None, stop: int | None
+    ) -> Iterator[Message]:
+        return messages({*names, *whole}, start, stop)
+
+    return heads
 
 
 @contextmanager
