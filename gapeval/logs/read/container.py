@@ -62,8 +62,8 @@ class Container:
     messages: (topic names, start, stop) -> messages with start <= bag time < stop, in the order of their bag
     times, ties always in the same order. Raises LogError where the file turns out to be damaged beyond use.
     heads: (topic names of which heads suffice, topic names that are needed whole, start, stop) -> the same
-    messages in the same order; of the former only the first HEAD bytes need be there, so that a message shorter
-    than HEAD comes whole. A checksum over more than what is read is not looked at.
+    messages in the same order; of the former only the first HEAD bytes need be there, so that a message
+    shorter than HEAD comes whole. A checksum over more than what is read is not looked at.
     losses: what cannot be read, each once; grows while messages are read.
     """
 

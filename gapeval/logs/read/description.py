@@ -238,8 +238,8 @@ def _tf_alone(path: Path, settings: LogSection, progress: Progress | None) -> Tr
     try:
         with open_container(path) as container:
             names = tf_topics(container.topics, settings.cloud_topic)
-            survey = take_survey(container, None, names, (), progress)
-        return build_tree(survey.samples, settings.transforms)[0]
+            survey, topics = take_survey(container, None, names, (), progress), container.topics
+        return build_tree(survey.samples, settings.transforms, topics)[0]
     except LogError:
         # The problem is told already.
         return TransformTree()

@@ -66,7 +66,7 @@ def survey_log(path: Path, settings: LogSection, progress: Progress | None = Non
             poses = _poses_to_read(container.topics, settings, tf)
         survey = take_survey(container, cloud_topic, tf, poses, progress)
     samples: Samples = {key: rows for key, rows in survey.samples.items() if key[2] in tf}
-    tree, notices = build_tree(samples, settings.transforms)
+    tree, notices = build_tree(samples, settings.transforms, opened.topics)
     return Surveyed(path, opened, cloud_topic, survey, tree, (*opened.notices, *survey.notices, *notices))
 
 

@@ -4,11 +4,12 @@ from collections.abc import Iterable, Sequence
 
 from gapeval.errors import LogError
 from gapeval.logs.read.container import Topic, ros1_type
-from gapeval.logs.read.message import POINT_CLOUD, POSE_TYPES, is_decodable
+from gapeval.logs.read.content import role_of
+from gapeval.logs.read.message import POSE_TYPES
 from gapeval.logs.read.samples import pose_topics
 from gapeval.logs.read.transforms import TransformTree, ancestors, find_path, frames
 
-READS = "gapeval reads sensor_msgs/PointCloud2"
+READS = "gapeval reads PointCloud2, Livox's CustomMsg and Foxglove's PointCloud"
 # Types that hold laser scans which gapeval cannot read.
 OTHER_SCANS = ("LaserScan", "MultiEchoLaserScan", "CustomMsg", "PointCloud", "VelodyneScan", "PacketMsg")
 ROBOT_NAMES = ("base_link", "base_footprint")
@@ -19,7 +20,7 @@ LISTED = 12  # candidates that fit into one line
 
 def choose_cloud_topic(topics: Sequence[Topic], asked: str | None) -> Topic:
     """The topic of the clouds. Raises LogError, with the candidates, where there is not exactly one."""
-    clouds = [t for t in topics if t.type == POINT_CLOUD and is_decodable(t)]
+    clouds = [t for t in topics if role_of(t) == "cloud"]
     candidates = [t for t in clouds if t.count]
     if asked is not None:
         return _asked_topic(topics, candidates, asked)
@@ -36,7 +37,7 @@ def choose_pose_topic(topics: Sequence[Topic], asked: str) -> Topic:
     """The topic named with --pose-topic. Raises LogError, with the candidates, for a wrong name."""
     candidates = pose_topics(topics)
     for topic in topics:
-        if _same(topic.name, asked) and topic.type in POSE_TYPES and topic.count and is_decodable(topic):
+        if _same(topic.name, asked) and role_of(topic) == "pose" and topic.count:
             return topic
     have = f"has {_counted(candidates)}" if candidates else "has none"
     types = _listed(ros1_type(kind) for kind in POSE_TYPES)
@@ -117,9 +118,9 @@ def _asked_topic(topics: Sequence[Topic], candidates: Sequence[Topic], asked: st
             return topic
     have = f"clouds are on {_counted(candidates)}" if candidates else _without_clouds(topics)
     for topic in topics:
-        if _same(topic.name, asked) and topic.type == POINT_CLOUD and not topic.count:
+        if _same(topic.name, asked) and role_of(topic) == "cloud" and not topic.count:
             raise LogError(f"no message on --cloud-topic {asked}; {have}")
-        if _same(topic.name, asked) and not (topic.type == POINT_CLOUD and is_decodable(topic)):
+        if _same(topic.name, asked) and role_of(topic) != "cloud":
             kind = _described_type(topic)
             raise LogError(f"--cloud-topic {asked} is {kind}, and {READS}; {have}")
     raise LogError(f"no topic {asked} for --cloud-topic; {have}")
