@@ -28,7 +28,8 @@ from gapeval.logs.read import read_frames, read_recording
 
 def test_several_cloud_topics(log):
     path = log(lidar(), driving(), clouds(), clouds(4, topic="/rear/points"))
-    expected = "several topics have clouds, choose with --cloud-topic: /points (10), /rear/points (4)"
+    choice = "choose with --cloud-topic, or name several to merge them"
+    expected = f"several topics have clouds, {choice}: /points (10), /rear/points (4)"
     assert line(path) == expected
     assert read_recording(path, LogSection(cloud_topic="rear/points")).total == 4
     wrong = line(path, LogSection(cloud_topic="/front"))

@@ -11,7 +11,8 @@ from gapeval.errors import LogError
 from gapeval.logs.read.attitude import quality, up
 from gapeval.logs.read.container import Loss, naming
 from gapeval.logs.read.gathering import by_pass, gathered, one_by_one, thinned
-from gapeval.logs.read.matching import Frames, Refusals, check_matched, match
+from gapeval.logs.read.matching import Frames, Refusals, check_matched, match, used_stamps
+from gapeval.logs.read.passes import rotation
 from gapeval.logs.read.playback import measure_lowest_elevation
 from gapeval.logs.read.pose_error import error_of, errors_asked
 from gapeval.logs.read.preparation import Surveyed, survey_log
@@ -41,12 +42,14 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
     """
     with naming(surveyed.path):
         headers = _named(surveyed, settings)
-        check_whole(surveyed.losses, settings)
+        _check_whole(surveyed.losses, settings)
         cloud_frame = Counter(headers.frames).most_common(1)[0][0]
         pose_names = {topic.name for topic in pose_topics(surveyed.opened.topics)}
         posed = sorted({child for _, child, name in surveyed.survey.samples if name in pose_names and child})
         robot = choose_robot_frame(surveyed.tree, cloud_frame, posed, settings.robot_frame)
         tree = _with_poses(surveyed, settings, robot)
+        if surveyed.planar:
+            _check_turning(surveyed, settings, tree, robot, cloud_frame)
         fixed = choose_fixed_frame(tree, robot, settings.fixed_frame)
         sensor = choose_sensor_frame(tree, cloud_frame, robot, fixed, settings.sensor_frame)
         reference = _reference(surveyed, settings, robot, fixed)
@@ -85,11 +88,18 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
     return erring(recording, settings)
 
 
+def _check_whole(losses: Sequence[Loss], settings: LogSection) -> None:
+    """Raises LogError where something is lost and that is not allowed."""
+    if losses and settings.strict:
+        more = f", and {len(losses) - 1} more" if len(losses) > 1 else ""
+        raise LogError(f"not whole: {losses[0]}{more}; leave out --strict to use the rest")
+
+
 def _lowest_elevations(recording: Recording, settings: LogSection) -> tuple[float, ...]:
     """Of each cloud topic, measured where it is not given."""
     found = []
     for number in range(len(recording.cloud_topics)):
-        given = settings.lowest_elevation.get(lowest_key(recording.path, recording.cloud_topics, number))
+        given = settings.lowest_elevation.get(_lowest_key(recording, number))
         if given is None:
             scans = recording.scans if recording.planar else one_by_one(recording.scans.sources, number)
             given = measure_lowest_elevation(replace(recording, scans=scans))
@@ -97,18 +107,21 @@ def _lowest_elevations(recording: Recording, settings: LogSection) -> tuple[floa
     return tuple(found)
 
 
-def lowest_key(path: Path, topics: tuple[str, ...], number: int) -> str:
-    """What the lowest ray of a topic's sensor is called in `log.lowest_elevation`."""
-    return path.name if number == 0 else f"{path.name} {topics[number]}"
+def lowest_elevations(recording: Recording) -> dict[str, float]:
+    """As they stand in `log.lowest_elevation` [rad]."""
+    names = [_lowest_key(recording, number) for number in range(len(recording.cloud_topics))]
+    return dict(zip(names, recording.lowest_elevations, strict=True))
+
+
+def _lowest_key(recording: Recording, number: int) -> str:
+    return recording.path.name if number == 0 else f"{recording.path.name} {recording.cloud_topics[number]}"
 
 
 def erring(recording: Recording, settings: LogSection) -> Recording:
     """With the errors of poses that are asked for; after all that is measured of the true ones."""
     error, noise = errors_asked(settings)
     wrong = error_of(recording.scans.stamps, error, noise)
-    return replace(
-        recording, scans=replace(recording.scans, wrong=wrong), pose_error=error, pose_noise=noise
-    )
+    return replace(recording, scans=replace(recording.scans, wrong=wrong), pose_error=error, pose_noise=noise)
 
 
 def _reference(surveyed: Surveyed, settings: LogSection, robot: str, fixed: str | None) -> str:
@@ -121,9 +134,27 @@ def _reference(surveyed: Surveyed, settings: LogSection, robot: str, fixed: str 
     if settings.deskew and fixed is None:
         raise LogError("log.deskew needs the robot's poses, and there are none; record /tf or odometry")
     gathers = (
-        surveyed.planar or settings.deskew or settings.accumulate is not None or len(surveyed.cloud_topics) > 1
+        surveyed.planar
+        or settings.deskew
+        or settings.accumulate is not None
+        or len(surveyed.cloud_topics) > 1
     )
     return fixed if gathers and fixed is not None else robot
+
+
+def _check_turning(
+    surveyed: Surveyed, settings: LogSection, tree: TransformTree, robot: str, frame: str
+) -> None:
+    """Raises LogError where a planar laser does not turn, before anything else is asked of its user."""
+    stamps = used_stamps(surveyed.survey.headers, settings)
+    turning = lookup(tree, robot, frame, stamps, settings.max_tf_gap)
+    if turning is None or not turning.valid.any():
+        return  # what is missing is told when all transforms are looked up
+    if rotation(turning.transforms.quaternion[turning.valid]) is None:
+        raise LogError(
+            f"the planar laser on {surveyed.cloud_topics[0]} does not turn against {robot}, so its scans "
+            "make no clouds; gapeval needs clouds, or planar scans of a laser that turns by tf"
+        )
 
 
 def _clouds(
@@ -147,7 +178,7 @@ def _clouds(
         frame = Counter(sources.frames).most_common(1)[0][0]
         turning = lookup(tree, robot, frame, sources.stamps, settings.max_tf_gap)
         assert turning is not None
-        found = by_pass(sources, turning.transforms, refusals, names[0], robot)
+        found = by_pass(sources, turning.transforms, refusals)
         scans, total = found.scans, found.found
         notices.append(
             f"{names[0]}: {len(sources)} planar scans, {found.found} passes of the laser, "

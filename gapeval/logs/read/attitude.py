@@ -10,7 +10,7 @@ from gapeval.logs.read.recording import Scans
 from gapeval.logs.read.samples import GRAVITY, imu_edge
 from gapeval.logs.read.selection import choose_imu_topic
 from gapeval.logs.read.survey import read_samples
-from gapeval.logs.read.transforms import Transforms, TransformTree, bracket, find_path, lookup
+from gapeval.logs.read.transforms import Transforms, TransformTree, bracket, lookup
 
 
 def up(

@@ -27,6 +27,7 @@ EMPTY = "empty cloud"
 NO_POINT = "no finite point"
 LIES = "header lies about its size"
 NO_FIELDS = "no usable x, y, z fields"
+NO_TIME = "no time for each point"
 
 
 class UnreadableCloudError(Exception):

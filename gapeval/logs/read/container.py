@@ -46,9 +46,18 @@ class Loss:
     start: int | None = None
     end: int | None = None
 
+    def __str__(self) -> str:
+        parts = [] if self.messages is None else [f"{self.messages} messages"]
+        parts += [] if self.bytes is None else [f"{self.bytes} bytes"]
+        if self.start is not None and self.end is not None:
+            parts.append(f"{(self.end - self.start) / 1e9:.1f} s at {self.start / 1e9:.3f}")
+        amount = f" ({', '.join(parts)})" if parts else ""
+        return f"{self.file}: {self.reason}{amount}"
+
 
 Message = tuple[Topic, int, Raw]
 Messages = Callable[[Collection[str], int | None, int | None], Iterator[Message]]
+Heads = Callable[[Collection[str], Collection[str], int | None, int | None], Iterator[Message]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +76,7 @@ class Container:
     start: int | None
     end: int | None
     messages: Messages
-    heads: Messages
+    heads: Heads
     notices: tuple[str, ...] = ()
     losses: list[Loss] = field(default_factory=list)
 
@@ -148,3 +157,7 @@ def in_time_order(sources: Iterable[Source]) -> Iterator[Message]:
         following = next(opened[index], None)
         if following is not None:
             heapq.heappush(heap, (following[1], index, following))
+
+
+def as_heads(messages: Messages) -> Heads:
+    return lambda heads, whole, start, stop: messages([*heads, *whole], start, stop)

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.config import Accumulate
-from gapeval.errors import LogError
 from gapeval.logs.read.matching import Refusals
 from gapeval.logs.read.passes import Pass, passes, rotation, untwisted
 from gapeval.logs.read.recording import Scans, Sources
@@ -36,18 +35,14 @@ def one_by_one(sources: Sources, topic: int = 0) -> Scans:
     return Scans(sources, own, own, np.arange(len(own) + 1))
 
 
-def by_pass(sources: Sources, turning: Transforms, refusals: Refusals, name: str, robot: str) -> Passes:
+def by_pass(sources: Sources, turning: Transforms, refusals: Refusals) -> Passes:
     """A cloud for each whole pass of a rotating laser, at the stamp of the pass's last scan.
 
     turning: robot<-laser at the stamps, whose turn is left out of the sensor's mount where that is the same.
-    Raises LogError for a laser that does not turn.
     """
     found = rotation(turning.quaternion)
-    if found is None:
-        raise LogError(
-            f"the planar laser on {name} does not turn against {robot}, so that its scans are no clouds; "
-            "gapeval needs a 3D LIDAR, or a planar laser that rotates by tf"
-        )
+    if found is None:  # too few scans are left of a laser that turns
+        return Passes(_clouds_of(sources, []), 0, len(sources))
     every = passes(found.angles, sources.stamps)
     cut = [one for one in every if not one.is_whole]
     refusals.add(INCOMPLETE, sources.stamps[[one.last - 1 for one in cut]])
@@ -98,7 +93,7 @@ def gathered(
 def thinned(scans: Scans, every: int) -> Scans:
     """Each so manieth cloud."""
     chosen = np.arange(0, len(scans), every)
-    members = [scans.members_of(index) for index in chosen]
+    members = [scans.members_of(int(index)) for index in chosen]
     ends = np.cumsum([0, *map(len, members)])
     return replace(
         scans, main=scans.main[chosen], members=np.concatenate([*members, np.arange(0)]), ends=ends

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gapeval.config import RotatingLaser
 from gapeval.frame import FloatArray
-from gapeval.logs.read.content import LaserScan
+from gapeval.logs.read.measurement import LaserScan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +55,8 @@ def one_echo(scan: LaserScan, echo: Literal["first", "last", "strongest"]) -> Fl
         return ranges[:, 0]
     if echo == "strongest" and scan.intensities is not None:
         strength = np.where(np.isnan(ranges), -np.inf, np.nan_to_num(scan.intensities, nan=-np.inf))
-        return ranges[np.arange(len(ranges)), np.argmax(strength, axis=1)]
+        best: FloatArray = ranges[np.arange(len(ranges)), np.argmax(strength, axis=1)]
+        return best
     filled = np.where(np.isnan(ranges), -np.inf if echo == "last" else np.inf, ranges)
     chosen = filled.max(axis=1) if echo == "last" else filled.min(axis=1)
     return np.where(np.isfinite(chosen), chosen, np.nan)

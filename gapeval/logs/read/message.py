@@ -11,21 +11,41 @@ from rosbags.typesys.store import Typestore
 from gapeval.logs.read.container import Raw, Topic
 
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+LASER_SCAN = "sensor_msgs/msg/LaserScan"
+MULTI_ECHO = "sensor_msgs/msg/MultiEchoLaserScan"
+IMU = "sensor_msgs/msg/Imu"
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+POSE_TYPES = (ODOMETRY, POSE, POSE_WITH_COVARIANCE)
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 
+_LASER = frozenset(
+    {
+        "header",
+        "angle_min",
+        "angle_increment",
+        "time_increment",
+        "range_min",
+        "range_max",
+        "ranges",
+        "intensities",
+    }
+)
 # What is read of each type; a definition in the log that has one of these otherwise than ROS is not believed.
 NEEDED: dict[str, frozenset[str]] = {
     POINT_CLOUD: frozenset(
         {"header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data"}
     ),
+    LASER_SCAN: _LASER,
+    MULTI_ECHO: _LASER,
+    IMU: frozenset({"header", "orientation", "orientation_covariance"}),
     ODOMETRY: frozenset({"header", "child_frame_id", "pose"}),
     POSE: frozenset({"header", "pose"}),
     POSE_WITH_COVARIANCE: frozenset({"header", "pose"}),
     **dict.fromkeys(TF, frozenset({"transforms"})),
     "std_msgs/msg/Header": frozenset({"stamp", "frame_id"}),
+    "sensor_msgs/msg/LaserEcho": frozenset({"echoes"}),
     "sensor_msgs/msg/PointField": frozenset({"name", "offset", "datatype", "count"}),
     "geometry_msgs/msg/TransformStamped": frozenset({"header", "child_frame_id", "transform"}),
     "geometry_msgs/msg/Transform": frozenset({"translation", "rotation"}),
@@ -35,7 +55,8 @@ NEEDED: dict[str, frozenset[str]] = {
     "geometry_msgs/msg/Point": frozenset("xyz"),
     "geometry_msgs/msg/Quaternion": frozenset("xyzw"),
 }
-READ = (POINT_CLOUD, ODOMETRY, POSE, POSE_WITH_COVARIANCE, *TF)
+READ = (POINT_CLOUD, LASER_SCAN, MULTI_ECHO, IMU, *POSE_TYPES, *TF)
+HEADER = "std_msgs/msg/Header"
 SERIALIZATIONS = ("ros1", "cdr")
 
 Decode = Callable[[Raw], Any]
@@ -65,6 +86,26 @@ def is_decodable(topic: Topic) -> bool:
     return topic.type in READ and topic.serialization in SERIALIZATIONS
 
 
+@lru_cache(maxsize=256)
+def begins_with_header(topic: Topic) -> bool:
+    """Whether a message begins with the std_msgs/Header that ROS itself has."""
+    if not is_decodable(topic):
+        return False
+    store = _store(topic.type, topic.serialization, topic.syntax, topic.definition)
+    fields = store.fielddefs[topic.type][1]
+    is_first = bool(fields) and tuple(fields[0]) == ("header", (Nodetype.NAME, HEADER))
+    return is_first and _is_stock(store, _stock_store(topic.serialization), HEADER)
+
+
+@lru_cache(maxsize=64)
+def is_stock(topic: Topic) -> bool:
+    """Whether a message has the very fields, in their order, that its type has in ROS itself."""
+    if not is_decodable(topic):
+        return False
+    store = _store(topic.type, topic.serialization, topic.syntax, topic.definition)
+    return _is_stock(store, _stock_store(topic.serialization), topic.type)
+
+
 def stamp_of(header: Any) -> int:
     """Nanoseconds of a std_msgs/Header."""
     return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
@@ -77,12 +118,18 @@ def frame_of(name: str) -> str:
 
 @lru_cache(maxsize=64)
 def _decoder(kind: str, serialization: str, syntax: str, definition: str) -> Decode:
-    stock = _stock_store(serialization)
-    own = _own_store(kind, syntax, definition) if definition else None
-    store = own if own is not None and _agrees(own, stock, kind) else stock
+    store = _store(kind, serialization, syntax, definition)
     if serialization == "ros1":
         return lambda raw: store.deserialize_ros1(raw, kind)
     return lambda raw: store.deserialize_cdr(raw, kind)
+
+
+@lru_cache(maxsize=64)
+def _store(kind: str, serialization: str, syntax: str, definition: str) -> Typestore:
+    """The log's own definition where it agrees with what is read of a type, else the stock one."""
+    stock = _stock_store(serialization)
+    own = _own_store(kind, syntax, definition) if definition else None
+    return own if own is not None and _agrees(own, stock, kind) else stock
 
 
 def _own_store(kind: str, syntax: str, definition: str) -> Typestore | None:
@@ -107,6 +154,17 @@ def _agrees(own: Typestore, stock: Typestore, kind: str) -> bool:
         return False
     inner = [_message_type(known[name]) for name in NEEDED.get(kind, ())]
     return all(_agrees(own, stock, other) for other in inner if other in NEEDED)
+
+
+def _is_stock(store: Typestore, stock: Typestore, kind: str) -> bool:
+    """Whether a type, and all in it, has the same fields in the same order in both stores."""
+    if kind not in store.fielddefs or kind not in stock.fielddefs:
+        return False
+    fields, known = store.fielddefs[kind][1], stock.fielddefs[kind][1]
+    if list(map(tuple, fields)) != list(map(tuple, known)):
+        return False
+    inner = {_message_type(description) for _, description in known} - {None}
+    return all(_is_stock(store, stock, str(other)) for other in inner)
 
 
 def _message_type(description: Any) -> str | None:

@@ -1,5 +1,6 @@
 """Passes of a laser that turns: from its attitude at each planar scan to the scans of each cloud."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,7 +86,7 @@ def _runs(angles: FloatArray, stamps: Stamps) -> list[range]:
     edges = np.flatnonzero(np.diff(ways)) + 1
     bounds = [0, *edges.tolist(), len(ways)]
     # The scan at a turning point ends one pass and would begin the next; it goes to the first.
-    runs = [range(first, last + 1) for first, last in zip(bounds, bounds[1:], strict=False) if ways[first]]
+    runs = [range(first, last + 1) for first, last in itertools.pairwise(bounds) if ways[first]]
     return [
         range(run.start + (index > 0 and runs[index - 1].stop > run.start), run.stop)
         for index, run in enumerate(runs)
@@ -105,7 +106,7 @@ def _halves(angles: FloatArray, run: range) -> list[range]:
     half = np.floor((angles[run.start : run.stop] + np.pi / 2) / np.pi)
     edges = (np.flatnonzero(np.diff(half)) + 1 + run.start).tolist()
     bounds = [run.start, *edges, run.stop]
-    return [range(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
+    return [range(first, last) for first, last in itertools.pairwise(bounds)]
 
 
 def _extent(angles: FloatArray, run: range) -> float:

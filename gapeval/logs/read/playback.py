@@ -39,7 +39,7 @@ Place = tuple[int, int, int]  # topic, bag time [ns], rank: where a message is i
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """What one message holds, in its own frame. times: (N,) [ns] of each point, None if all are at its stamp."""
+    """What one message holds, in its own frame. times: (N,) [ns] of its points; None if all are its stamp."""
 
     points: Points
     times: Stamps | None

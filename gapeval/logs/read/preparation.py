@@ -83,7 +83,8 @@ def wanted_window(container: Container, settings: LogSection) -> Window:
     length = (container.end - container.start) / 1e9
     first, last = settings.start or 0.0, length if settings.end is None else settings.end
     if first > length or last < 0 or first > last:
-        raise LogError(f"nothing from {first:g} to {last:g} s; it is {length:.1f} s long: mend --start, --end")
+        span = f"from {first:g} to {last:g} s"
+        raise LogError(f"nothing {span}, it is {length:.1f} s long; give another --start and --end")
     begin = container.start + round(first * 1e9)
     stop = None if settings.end is None else container.start + round(settings.end * 1e9) + 1
     return Window(None if settings.start is None else begin, stop)

@@ -116,7 +116,7 @@ class Recording:
     examples: dict[str, tuple[int, ...]]
     notices: tuple[str, ...]
     losses: tuple[Loss, ...] = ()
-    laser: RotatingLaser = RotatingLaser()
+    laser: RotatingLaser = field(default_factory=RotatingLaser)
     deskew: bool = False
     pose_error: PoseError | None = None
     pose_noise: PoseNoise | None = None

@@ -142,7 +142,7 @@ def read_samples(path: Path, topic: str, window: Window) -> Samples:
 
 
 def ranked(messages: Iterator[tuple[Topic, int, Raw]]) -> Iterator[tuple[Topic, int, int, Raw]]:
-    """With each message its rank among those of its topic with the same bag time: (topic, time, rank, raw)."""
+    """Messages with their rank among those of the topic with the same bag time: (topic, time, rank, raw)."""
     last: dict[str, tuple[int, int]] = {}
     for topic, time, raw in messages:
         before = last.get(topic.name)
