@@ -21,6 +21,7 @@ class Topic:
     count: messages, by the log's own statistics.
     serialization: `ros1`, `cdr`, or what else the log says, such as `protobuf`.
     definition: text of the message definition, empty where the log has none; syntax: `msg`, `idl` or empty.
+    schema: what describes the messages of other encodings than ROS's own, as it stands in the log.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Topic:
     serialization: str
     definition: str = ""
     syntax: Literal["msg", "idl", ""] = ""
+    schema: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +131,7 @@ def merged_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:
         if known is None:
             merged[key] = topic
         else:
-            source = known if known.definition else topic
+            source = known if known.definition or known.schema else topic
             merged[key] = replace(source, count=known.count + topic.count)
     return tuple(merged[key] for key in sorted(merged))
 

@@ -4,11 +4,17 @@ Every function raises UndecodableError for a message that is not what its topic 
 raise UnreadableCloudError for one that holds no points, or lies about itself.
 """
 
+from dataclasses import replace
 from typing import Literal
 
-from gapeval.logs.read import ros_message
-from gapeval.logs.read.cloud import NO_TIME, Points, UnreadableCloudError, cloud_points
+import numpy as np
+
+from gapeval.frame import Transform
+from gapeval.logs.read import foxglove, ros_message
+from gapeval.logs.read.cloud import PackedCloud, Points, UnreadableCloudError, cloud_points
 from gapeval.logs.read.container import Raw, Topic
+from gapeval.logs.read.foxglove_message import CLOUD, POSE, SCAN, TRANSFORM, TRANSFORMS, foxglove_type
+from gapeval.logs.read.livox import livox_cloud
 from gapeval.logs.read.measurement import (
     Head,
     LaserScan,
@@ -20,15 +26,16 @@ from gapeval.logs.read.measurement import (
 from gapeval.logs.read.message import (
     IMU,
     LASER_SCAN,
+    LIVOX,
     MULTI_ECHO,
     POINT_CLOUD,
     POSE_TYPES,
     TF,
     UndecodableError,
     begins_with_header,
-    decode,
     is_decodable,
 )
+from gapeval.logs.read.point_time import TimeField, timed_points
 
 __all__ = [
     "Head",
@@ -38,6 +45,7 @@ __all__ = [
     "Role",
     "StampedPose",
     "StampedTransform",
+    "TimeField",
     "TimedPoints",
     "UndecodableError",
     "UnreadableCloudError",
@@ -46,27 +54,40 @@ __all__ = [
     "head_suffices",
     "laser_scan",
     "orientation",
+    "packed_cloud",
     "pose",
     "role_of",
+    "time_field",
     "timed_cloud",
     "transforms",
 ]
 
 Role = Literal["cloud", "laser", "tf", "pose", "imu"]
 
-_ROS_ROLES: dict[str, Role] = {
+_ROLES: dict[str, Role] = {
     POINT_CLOUD: "cloud",
+    **dict.fromkeys(LIVOX, "cloud"),
     LASER_SCAN: "laser",
     MULTI_ECHO: "laser",
     IMU: "imu",
     **dict.fromkeys(TF, "tf"),
     **dict.fromkeys(POSE_TYPES, "pose"),
 }
+_FOXGLOVE_ROLES: dict[str, Role] = {
+    CLOUD: "cloud",
+    SCAN: "laser",
+    POSE: "pose",
+    TRANSFORM: "tf",
+    TRANSFORMS: "tf",
+}
 
 
 def role_of(topic: Topic) -> Role | None:
     """What a topic's messages are to gapeval; None where it cannot read them."""
-    return _ROS_ROLES.get(topic.type) if is_decodable(topic) else None
+    kind = foxglove_type(topic)
+    if kind is not None:
+        return _FOXGLOVE_ROLES[kind]
+    return _ROLES.get(topic.type) if is_decodable(topic) else None
 
 
 def head(topic: Topic, raw: Raw) -> Head:
@@ -74,7 +95,7 @@ def head(topic: Topic, raw: Raw) -> Head:
 
     raw: may be cut to container.HEAD bytes where head_suffices(topic).
     """
-    return ros_message.head(topic, raw)
+    return foxglove.head(topic, raw) if foxglove_type(topic) else ros_message.head(topic, raw)
 
 
 def head_suffices(topic: Topic) -> bool:
@@ -82,27 +103,47 @@ def head_suffices(topic: Topic) -> bool:
     return begins_with_header(topic)
 
 
+def packed_cloud(topic: Topic, raw: Raw) -> PackedCloud:
+    """The cloud as it stands in its message; nothing of it is checked yet."""
+    if foxglove_type(topic):
+        return foxglove.packed_cloud(topic, raw)
+    return livox_cloud(topic, raw) if topic.type in LIVOX else ros_message.packed_cloud(topic, raw)
+
+
 def cloud(topic: Topic, raw: Raw) -> Points:
-    return cloud_points(decode(topic, raw))
+    packed = packed_cloud(topic, raw)
+    return _placed(packed.pose, cloud_points(packed))
 
 
 def timed_cloud(topic: Topic, raw: Raw) -> TimedPoints:
     """The points and when each was measured. Raises UnreadableCloudError, NO_TIME, where that is unknown."""
-    raise UnreadableCloudError(NO_TIME)
+    packed = packed_cloud(topic, raw)
+    timed, _ = timed_points(packed)
+    return replace(timed, points=_placed(packed.pose, timed.points))
+
+
+def time_field(topic: Topic, raw: Raw) -> TimeField:
+    """Where a cloud has the times of its points. Raises UnreadableCloudError, as timed_cloud."""
+    return timed_points(packed_cloud(topic, raw))[1]
 
 
 def laser_scan(topic: Topic, raw: Raw) -> LaserScan:
-    return ros_message.laser_scan(topic, raw)
+    return foxglove.laser_scan(topic, raw) if foxglove_type(topic) else ros_message.laser_scan(topic, raw)
 
 
 def transforms(topic: Topic, raw: Raw) -> list[StampedTransform]:
-    return ros_message.transforms(topic, raw)
+    return foxglove.transforms(topic, raw) if foxglove_type(topic) else ros_message.transforms(topic, raw)
 
 
 def pose(topic: Topic, raw: Raw) -> StampedPose:
-    return ros_message.pose(topic, raw)
+    return foxglove.pose(topic, raw) if foxglove_type(topic) else ros_message.pose(topic, raw)
 
 
 def orientation(topic: Topic, raw: Raw) -> Orientation | None:
     """None where the message says that it has none."""
     return ros_message.orientation(topic, raw)
+
+
+def _placed(pose: Transform | None, points: Points) -> Points:
+    """Points of a cloud that has a pose of its own, in the cloud's frame."""
+    return points if pose is None else replace(points, xyz=pose.apply(points.xyz.astype(np.float64)))

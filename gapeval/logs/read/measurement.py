@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.frame import FloatArray
+from gapeval.frame import FloatArray, Transform
 from gapeval.logs.read.cloud import Points
 
 
@@ -23,7 +23,8 @@ class LaserScan:
 
     stamp: of the first beam [ns]. ranges: (n, e) [m], e echoes per beam, filled with NaN; intensities: (n, e)
     or None. angle_min: of the first beam, angle_increment: from beam to beam [rad]; time_increment: from beam
-    to beam [s]; range_min, range_max: what counts as measured [m].
+    to beam [s]; range_min, range_max: what counts as measured [m]. pose: frame<-laser, None where the beams
+    are in the frame itself.
     """
 
     stamp: int
@@ -35,6 +36,7 @@ class LaserScan:
     time_increment: float
     range_min: float
     range_max: float
+    pose: Transform | None = None
 
 
 @dataclass(frozen=True, slots=True)

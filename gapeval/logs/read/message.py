@@ -14,11 +14,56 @@ POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 MULTI_ECHO = "sensor_msgs/msg/MultiEchoLaserScan"
 IMU = "sensor_msgs/msg/Imu"
+LIVOX = ("livox_ros_driver/msg/CustomMsg", "livox_ros_driver2/msg/CustomMsg")
 ODOMETRY = "nav_msgs/msg/Odometry"
 POSE = "geometry_msgs/msg/PoseStamped"
 POSE_WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 POSE_TYPES = (ODOMETRY, POSE, POSE_WITH_COVARIANCE)
 TF = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+# Types that are not among rosbags' own, by their definitions.
+_LIVOX = {
+    "CustomMsg": (
+        "std_msgs/Header header",
+        "uint64 timebase",
+        "uint32 point_num",
+        "uint8 lidar_id",
+        "uint8[3] rsvd",
+        "CustomPoint[] points",
+    ),
+    "CustomPoint": (
+        "uint32 offset_time",
+        *(f"float32 {name}" for name in "xyz"),
+        *(f"uint8 {name}" for name in ("reflectivity", "tag", "line")),
+    ),
+}
+_FOXGLOVE_BEGIN = ("builtin_interfaces/Time timestamp", "string frame_id", "geometry_msgs/Pose pose")
+_FOXGLOVE = {
+    "PointCloud": (*_FOXGLOVE_BEGIN, "uint32 point_stride", "PackedElementField[] fields", "uint8[] data"),
+    "PackedElementField": ("string name", "uint32 offset", "uint8 type"),
+    "LaserScan": (
+        *_FOXGLOVE_BEGIN,
+        "float64 start_angle",
+        "float64 end_angle",
+        "float64[] ranges",
+        "float64[] intensities",
+    ),
+    "PoseInFrame": _FOXGLOVE_BEGIN,
+    "FrameTransform": (
+        "builtin_interfaces/Time timestamp",
+        "string parent_frame_id",
+        "string child_frame_id",
+        "geometry_msgs/Vector3 translation",
+        "geometry_msgs/Quaternion rotation",
+    ),
+    "FrameTransforms": ("FrameTransform[] transforms",),
+}
+STOCK: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(TF, ("geometry_msgs/TransformStamped[] transforms",)),
+    **{kind.replace("CustomMsg", name): lines for kind in LIVOX for name, lines in _LIVOX.items()},
+    **{f"foxglove_msgs/msg/{name}": lines for name, lines in _FOXGLOVE.items()},
+}
+FOXGLOVE = tuple(f"foxglove_msgs/msg/{name}" for name in _FOXGLOVE if name != "PackedElementField")
 
 _LASER = frozenset(
     {
@@ -44,6 +89,10 @@ NEEDED: dict[str, frozenset[str]] = {
     POSE: frozenset({"header", "pose"}),
     POSE_WITH_COVARIANCE: frozenset({"header", "pose"}),
     **dict.fromkeys(TF, frozenset({"transforms"})),
+    **{
+        f"foxglove_msgs/msg/{name}": frozenset(line.split()[1] for line in lines)
+        for name, lines in _FOXGLOVE.items()
+    },
     "std_msgs/msg/Header": frozenset({"stamp", "frame_id"}),
     "sensor_msgs/msg/LaserEcho": frozenset({"echoes"}),
     "sensor_msgs/msg/PointField": frozenset({"name", "offset", "datatype", "count"}),
@@ -55,8 +104,8 @@ NEEDED: dict[str, frozenset[str]] = {
     "geometry_msgs/msg/Point": frozenset("xyz"),
     "geometry_msgs/msg/Quaternion": frozenset("xyzw"),
 }
-READ = (POINT_CLOUD, LASER_SCAN, MULTI_ECHO, IMU, *POSE_TYPES, *TF)
 HEADER = "std_msgs/msg/Header"
+READ = (POINT_CLOUD, LASER_SCAN, MULTI_ECHO, IMU, *LIVOX, *POSE_TYPES, *TF, *FOXGLOVE)
 SERIALIZATIONS = ("ros1", "cdr")
 
 Decode = Callable[[Raw], Any]
@@ -178,7 +227,7 @@ def _message_type(description: Any) -> str | None:
 @lru_cache(maxsize=2)
 def _stock_store(serialization: str) -> Typestore:
     store = get_typestore(Stores.ROS1_NOETIC if serialization == "ros1" else Stores.ROS2_HUMBLE)
-    for kind in TF:
+    for kind, lines in STOCK.items():
         if kind not in store.fielddefs:
-            store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", kind))
+            store.register(get_types_from_msg("\n".join(lines), kind))
     return store

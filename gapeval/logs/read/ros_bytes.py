@@ -1,4 +1,4 @@
-"""Headers and transforms of ROS straight from their bytes, many times faster than by decoding all fields.
+"""Headers and transforms of ROS straight from their bytes, faster than by decoding all fields.
 
 Only for topics whose definitions have these fields as ROS itself has them, and in its order.
 """
@@ -17,31 +17,42 @@ class NotSuchBytesError(Exception):
     """Bytes that are not what they are said to be."""
 
 
-class _Form(NamedTuple):
-    """How a serialization writes what is read here. prefix: bytes before the first field; origin: where
-    alignment counts from; terminator: bytes at the end of a string; slack: that may follow the last field.
+class Form(NamedTuple):
+    """How a serialization writes its fields.
+
+    order: of bytes, as struct has it. stamp: seconds, nanoseconds, length of the name of the frame.
+    prefix: bytes before the first field, from which alignment counts; is_aligned: whether it is at all;
+    terminator: bytes at the end of a string; slack: bytes that may follow the last field.
     """
 
-    stamp: Struct  # seconds, nanoseconds, length of the name of the frame
+    order: str
+    stamp: Struct
     length: Struct
     values: Struct
     prefix: int
-    origin: int
+    is_aligned: bool
     terminator: int
-    alignment: tuple[int, int]  # of lengths and of float64
     slack: int
 
+    def aligned(self, position: int, to: int) -> int:
+        return position + (self.prefix - position) % to if self.is_aligned else position
 
-_ROS1 = _Form(Struct("<4xiII"), Struct("<I"), Struct("<7d"), 0, 0, 0, (1, 1), 0)
-_LITTLE = _Form(Struct("<iII"), Struct("<I"), Struct("<7d"), 4, 4, 1, (4, 8), 3)
-_BIG = _Form(Struct(">iII"), Struct(">I"), Struct(">7d"), 4, 4, 1, (4, 8), 3)
+
+_ROS1 = Form("<", Struct("<4xiII"), Struct("<I"), Struct("<7d"), 0, False, 0, 0)
+_LITTLE = Form("<", Struct("<iII"), Struct("<I"), Struct("<7d"), 4, True, 1, 3)
+_BIG = Form(">", Struct(">iII"), Struct(">I"), Struct(">7d"), 4, True, 1, 3)
+
+
+def header_at(raw: Raw, serialization: str) -> tuple[int, str, int, Form]:
+    """(stamp [ns], frame, position after it, how to read on) of the std_msgs/Header that a message begins
+    with; what follows it may be cut off. Raises NotSuchBytesError.
+    """
+    form = _form(raw, serialization)
+    return *_header(raw, form.prefix, form), form
 
 
 def read_head(raw: Raw, serialization: str) -> Head:
-    """The std_msgs/Header that a message begins with; what follows it may be cut off.
-
-    Raises NotSuchBytesError.
-    """
+    """The header alone. Raises NotSuchBytesError."""
     form = _form(raw, serialization)
     stamp, frame, _ = _header(raw, form.prefix, form)
     return Head(stamp, frame)
@@ -56,16 +67,15 @@ def read_transforms(raw: Raw, serialization: str) -> list[StampedTransform]:
     (count,) = form.length.unpack_from(raw, form.prefix)
     if count * SMALLEST > size:
         raise NotSuchBytesError(f"{count} transforms in {size} bytes")
-    lengths, doubles = form.alignment
     found = []
     for _ in range(count):
-        stamp, parent, position = _header(raw, _aligned(position, lengths, form.origin), form)
-        position = _aligned(position, lengths, form.origin)
+        stamp, parent, position = _header(raw, form.aligned(position, 4), form)
+        position = form.aligned(position, 4)
         if position + 4 > size:
             raise NotSuchBytesError("it is cut")
         (length,) = form.length.unpack_from(raw, position)
         child, position = _name(raw, position + 4, length, form)
-        position = _aligned(position, doubles, form.origin)
+        position = form.aligned(position, 8)
         if position + 56 > size:
             raise NotSuchBytesError("it is cut")
         found.append(StampedTransform(stamp, parent, child, form.values.unpack_from(raw, position)))
@@ -75,7 +85,7 @@ def read_transforms(raw: Raw, serialization: str) -> list[StampedTransform]:
     return found
 
 
-def _form(raw: Raw, serialization: str) -> _Form:
+def _form(raw: Raw, serialization: str) -> Form:
     if serialization == "ros1":
         return _ROS1
     kind = bytes(raw[:2])
@@ -86,7 +96,7 @@ def _form(raw: Raw, serialization: str) -> _Form:
     raise NotSuchBytesError("it does not begin like CDR" if len(raw) >= 4 else "it is cut")
 
 
-def _header(raw: Raw, position: int, form: _Form) -> tuple[int, str, int]:
+def _header(raw: Raw, position: int, form: Form) -> tuple[int, str, int]:
     """(stamp, frame, position after it) of the header at a position."""
     after = position + form.stamp.size
     if after > len(raw):
@@ -96,7 +106,7 @@ def _header(raw: Raw, position: int, form: _Form) -> tuple[int, str, int]:
     return seconds * 1_000_000_000 + nanoseconds, frame, after
 
 
-def _name(raw: Raw, position: int, length: int, form: _Form) -> tuple[str, int]:
+def _name(raw: Raw, position: int, length: int, form: Form) -> tuple[str, int]:
     end = position + length
     if end > len(raw) or length < form.terminator:
         raise NotSuchBytesError(f"a name of {length} bytes does not fit")
@@ -104,10 +114,6 @@ def _name(raw: Raw, position: int, length: int, form: _Form) -> tuple[str, int]:
     if form.terminator and raw[end - 1] != 0:
         raise NotSuchBytesError("a name does not end")
     return _text(name), end
-
-
-def _aligned(position: int, to: int, origin: int) -> int:
-    return position + (origin - position) % to
 
 
 @lru_cache(maxsize=256)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from gapeval.frame import FloatArray
+from gapeval.logs.read.cloud import PackedCloud, PackedField
 from gapeval.logs.read.container import Raw, Topic
 from gapeval.logs.read.measurement import Head, LaserScan, Orientation, StampedPose, StampedTransform
 from gapeval.logs.read.message import (
@@ -77,6 +78,28 @@ def orientation(topic: Topic, raw: Raw) -> Orientation | None:
     except (*MISFITS, IndexError) as error:
         raise UndecodableError(str(error)) from error
     return None if has_none else Orientation(found.stamp, found.frame, quaternion)
+
+
+def packed_cloud(topic: Topic, raw: Raw) -> PackedCloud:
+    """A PointCloud2."""
+    message = decode(topic, raw)
+    found = head_of(message)
+    try:
+        return PackedCloud(
+            stamp=found.stamp,
+            frame=found.frame,
+            height=int(message.height),
+            width=int(message.width),
+            fields=tuple(
+                PackedField(str(f.name), int(f.offset), int(f.datatype), int(f.count)) for f in message.fields
+            ),
+            is_bigendian=bool(message.is_bigendian),
+            point_step=int(message.point_step),
+            row_step=int(message.row_step),
+            data=np.asarray(message.data),
+        )
+    except MISFITS as error:
+        raise UndecodableError(str(error)) from error
 
 
 def laser_scan(topic: Topic, raw: Raw) -> LaserScan:
