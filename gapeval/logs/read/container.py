@@ -69,7 +69,9 @@ class Container:
     start, end: first and last bag time [ns]; None without messages, or where only reading would tell.
     messages: (topic names, start, stop) -> messages with start <= bag time < stop, in the order of their bag
     times, ties always in the same order. Raises LogError where the file turns out to be damaged beyond use.
-    heads: the same messages, of which only the first HEAD bytes need be there.
+    heads: (topic names of which heads suffice, topic names that are needed whole, start, stop) -> the same
+    messages in the same order; of the former only the first HEAD bytes need be there, so that a message
+    shorter than HEAD comes whole. A checksum over more than what is read is not looked at.
     losses: what cannot be read, each once; grows while messages are read.
     """
 
@@ -81,6 +83,17 @@ class Container:
     heads: Heads
     notices: tuple[str, ...] = ()
     losses: list[Loss] = field(default_factory=list)
+
+
+def whole_heads(messages: Messages) -> Heads:
+    """Heads where nothing is cheaper than whole messages."""
+
+    def heads(
+        names: Collection[str], whole: Collection[str], start: int | None, stop: int | None
+    ) -> Iterator[Message]:
+        return messages({*names, *whole}, start, stop)
+
+    return heads
 
 
 @contextmanager
@@ -159,7 +172,3 @@ def in_time_order(sources: Iterable[Source]) -> Iterator[Message]:
         following = next(opened[index], None)
         if following is not None:
             heapq.heappush(heap, (following[1], index, following))
-
-
-def as_heads(messages: Messages) -> Heads:
-    return lambda heads, whole, start, stop: messages([*heads, *whole], start, stop)

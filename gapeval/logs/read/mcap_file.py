@@ -18,10 +18,10 @@ from gapeval.logs.read.container import (
     Container,
     Message,
     Topic,
-    as_heads,
     library_errors,
     merged_topics,
     ros2_type,
+    whole_heads,
 )
 from gapeval.logs.read.mcap_index import Block, Index, read_index, record_content
 
@@ -48,7 +48,7 @@ def open_mcap_file(path: Path) -> Iterator[Container]:
             start=min((block.start for block in blocks), default=None),
             end=max((block.end for block in blocks), default=None),
             messages=partial(_messages, stream, path, index, topics),
-            heads=as_heads(partial(_messages, stream, path, index, topics)),
+            heads=whole_heads(partial(_messages, stream, path, index, topics)),
             notices=index.notices,
         )
 
@@ -65,7 +65,6 @@ def _topic(index: Index, channel: Channel) -> Topic:
         serialization=channel.message_encoding,
         definition=schema.data.decode("utf-8", "replace") if syntax else "",
         syntax=syntax,
-        schema=schema.data if not is_ros and schema.encoding == "protobuf" else b"",
     )
 
 
