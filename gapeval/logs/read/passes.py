@@ -12,6 +12,7 @@ RESTS = 0.1  # of the usual rate; what turns more slowly rests
 TURNS = np.deg2rad(5.0)  # rad; what turns by less in the whole log does not turn
 ROUND = 1.25 * np.pi  # rad; a turn that goes on for longer is cut into halves
 WHOLE = 0.8  # of the usual extent; a pass of less is incomplete
+SLIVER = 0.1  # of the usual extent; less is a joint that settles, and no pass
 PAUSE = 5.0  # usual times between scans; where more are missing, a pass ends
 
 
@@ -58,11 +59,11 @@ def passes(angles: FloatArray, stamps: Stamps) -> list[Pass]:
     extents = np.array([_extent(angles, run) for run in runs])
     if not len(extents):
         return []
-    # Slivers between two halves, or of a joint that settles, say nothing of what is usual.
     usual = np.median(extents[extents >= WHOLE * extents.max()])
     return [
         Pass(run.start, run.stop, bool(extent >= WHOLE * usual))
         for run, extent in zip(runs, extents, strict=True)
+        if extent >= SLIVER * usual
     ]
 
 
