@@ -136,7 +136,7 @@ def test_clouds_are_read_in_the_order_of_their_stamps_whatever_their_order_in_th
     recording = read_recording(write_records(tmp_path / "log", records, "mcap"), LogSection())
     frames = list(read_frames(recording, 0, COUNT))
     assert [f.stamp for f in frames] == [stamp for stamp, _ in clouds]
-    assert recording.scans.indices.tolist() == [order.index(i) for i in range(COUNT)]
+    assert recording.scans.sources.indices.tolist() == [order.index(i) for i in range(COUNT)]
     assert [len(f.points) for f in frames] == [150] * COUNT
     for frame, (_, points) in zip(frames, clouds, strict=True):
         lowered = frame.points - np.array([0, 0, 1], dtype=np.float32)
@@ -379,7 +379,7 @@ def test_big_endian_cdr(tmp_path, clouds, poses, expected):
     assert digests(path) == expected
 
 
-@pytest.mark.parametrize("encoding", ["protobuf", "json"])
+@pytest.mark.parametrize("encoding", ["flatbuffer", "cbor"])
 def test_other_encodings_are_named(tmp_path, encoding):
     record = Record("/scan", "foxglove.PointCloud", START, raw=b"{}")
     definitions = {"foxglove.PointCloud": ""}
@@ -392,7 +392,8 @@ def test_other_encodings_are_named(tmp_path, encoding):
         definitions=definitions,
     )
     assert one_line(path) == (
-        "LOG: no clouds: gapeval reads sensor_msgs/PointCloud2, "
+        "LOG: no clouds: gapeval reads PointCloud2, LaserScan, MultiEchoLaserScan, and what Livox and Foxglove "
+        "have for them, "
         f"and the log has foxglove.PointCloud as {encoding} on /scan (1)"
     )
     asked = one_line(path, LogSection(cloud_topic="/scan"))

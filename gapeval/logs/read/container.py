@@ -48,6 +48,14 @@ class Loss:
     start: int | None = None
     end: int | None = None
 
+    def __str__(self) -> str:
+        parts = [] if self.messages is None else [f"{self.messages} messages"]
+        parts += [] if self.bytes is None else [f"{self.bytes} bytes"]
+        if self.start is not None and self.end is not None:
+            parts.append(f"{(self.end - self.start) / 1e9:.1f} s at {self.start / 1e9:.3f}")
+        amount = f" ({', '.join(parts)})" if parts else ""
+        return f"{self.file}: {self.reason}{amount}"
+
 
 Message = tuple[Topic, int, Raw]
 Messages = Callable[[Collection[str], int | None, int | None], Iterator[Message]]

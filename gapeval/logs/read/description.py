@@ -11,14 +11,15 @@ from numpy.typing import NDArray
 
 from gapeval.config import LogSection
 from gapeval.errors import LogError
+from gapeval.logs.read.assembly import recording_of
 from gapeval.logs.read.cloud import DATATYPES, UnreadableCloudError, cloud_points
 from gapeval.logs.read.container import Container, Topic, ros1_type
 from gapeval.logs.read.message import POINT_CLOUD, UndecodableError, decode, frame_of, is_decodable
 from gapeval.logs.read.opening import open_container
-from gapeval.logs.read.preparation import recording_of, survey_log
+from gapeval.logs.read.preparation import survey_log
 from gapeval.logs.read.recording import Recording
 from gapeval.logs.read.samples import build_tree, tf_topics
-from gapeval.logs.read.survey import Progress, take_survey
+from gapeval.logs.read.survey import Progress, Window, take_survey
 from gapeval.logs.read.transforms import Edge, TransformTree
 
 
@@ -127,7 +128,7 @@ def describe(path: Path, settings: LogSection, progress: Progress | None = None)
         surveyed = survey_log(path, settings, progress)
         tree, notices = surveyed.tree, surveyed.notices
         times = surveyed.survey.headers.bag_times
-        clouds = tuple(_with_rate(c, times) if c.topic == surveyed.cloud_topic else c for c in clouds)
+        clouds = tuple(_with_rate(c, times) if c.topic == surveyed.cloud_topics[0] else c for c in clouds)
         choice = _choice(recording_of(surveyed, settings))
     except LogError as error:
         problem = str(error)
@@ -238,7 +239,7 @@ def _tf_alone(path: Path, settings: LogSection, progress: Progress | None) -> Tr
     try:
         with open_container(path) as container:
             names = tf_topics(container.topics, settings.cloud_topic)
-            survey, topics = take_survey(container, None, names, (), progress), container.topics
+            survey, topics = take_survey(container, (), names, Window(), progress), container.topics
         return build_tree(survey.samples, settings.transforms, topics)[0]
     except LogError:
         # The problem is told already.

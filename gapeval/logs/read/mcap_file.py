@@ -65,7 +65,6 @@ def _topic(index: Index, channel: Channel) -> Topic:
         serialization=channel.message_encoding,
         definition=schema.data.decode("utf-8", "replace") if syntax else "",
         syntax=syntax,
-        schema=schema.data if not is_ros and schema.encoding == "protobuf" else b"",
     )
 
 

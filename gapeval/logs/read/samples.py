@@ -5,23 +5,32 @@ from dataclasses import dataclass, field
 
 from gapeval.config import StaticTransform
 from gapeval.errors import LogError
-from gapeval.logs.read.container import Topic
-from gapeval.logs.read.content import StampedPose, StampedTransform, role_of
+from gapeval.logs.read.container import Raw, Topic
+from gapeval.logs.read.content import (
+    StampedPose,
+    StampedTransform,
+    orientation,
+    pose,
+    role_of,
+    transforms,
+)
 from gapeval.logs.read.foxglove_message import foxglove_type
 from gapeval.logs.read.message import frame_of
 from gapeval.logs.read.transforms import Edge, Holds, TransformTree, make_edge
 
 SETTING = "log.transforms"
+GRAVITY = "(gravity)"  # the frame that an IMU gives its orientation in
 # Topics of pose types that say where somebody wants the robot to be.
 WISHES = ("goal", "goal_pose", "initialpose", "current_goal")
 
 
 @dataclass(slots=True)
 class Rows:
-    """Samples of one edge while they are being read."""
+    """Samples of one edge while they are being read. covariances: of poses, None where they have none."""
 
     stamps: list[int] = field(default_factory=list)
     values: list[tuple[float, ...]] = field(default_factory=list)
+    covariances: list[tuple[float, ...] | None] = field(default_factory=list)
 
 
 # (parent, child, topic) -> samples
@@ -55,12 +64,30 @@ def pose_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:
     )
 
 
+def add_message(samples: Samples, topic: Topic, raw: Raw) -> None:
+    """Adds what a message of a tf, pose or IMU topic says. Raises UndecodableError for one that says nothing.
+
+    The child of a pose is empty where the message has none.
+    """
+    role = role_of(topic)
+    if role == "tf":
+        add_transforms(samples, topic.name, transforms(topic, raw))
+    elif role == "pose":
+        add_transforms(samples, topic.name, [pose(topic, raw)])
+    elif (found := orientation(topic, raw)) is not None:
+        level = (0.0, 0.0, 0.0, *found.quaternion)
+        item = StampedTransform(found.stamp, GRAVITY, found.frame, level)
+        add_transforms(samples, topic.name, [item])
+
+
 def add_transforms(samples: Samples, topic: str, items: Iterable[StampedTransform | StampedPose]) -> None:
-    """Adds what the messages of a tf or pose topic say."""
+    """Adds samples of a topic, each to those of its edge."""
     for item in items:
         rows = samples.setdefault((item.parent, item.child, topic), Rows())
         rows.stamps.append(item.stamp)
         rows.values.append(item.values)
+        if isinstance(item, StampedPose):
+            rows.covariances.append(item.covariance)
 
 
 def build_tree(
@@ -68,7 +95,7 @@ def build_tree(
 ) -> tuple[TransformTree, tuple[str, ...]]:
     """The tree of the log's tf and of the transforms that its user adds, and what is worth telling of it.
 
-    topics: those of the log. Foxglove has no /tf_static: what one of its topics says but once holds for all time.
+    topics: of the log. Foxglove has no /tf_static: what one of its topics says but once holds for all time.
     """
     foreign = {topic.name for topic in topics if foxglove_type(topic)}
     edges: dict[tuple[str, str], Edge] = {}
@@ -78,8 +105,6 @@ def build_tree(
         is_lone = topic in foreign and len(rows.stamps) == 1 and not is_static_topic(topic)
         holds: Holds = "always" if is_lone or is_static_topic(topic) else "at its stamps"
         edge = make_edge(parent, child, holds, rows.values, rows.stamps, topic)
-        if is_lone:
-            notices.append(f"{edge.name} is said once on {topic}, so it is taken to hold for all time")
         if (parent, child) in edges:
             notices.append(f"{edge.name} is on {edges[parent, child].source} and on {topic}; {topic} is used")
         edges[parent, child] = edge
@@ -109,3 +134,12 @@ def pose_edge(samples: Samples, topic: str, robot_frame: str, fixed_frame: str |
     if parent == child:
         raise LogError(f"{topic} gives {child} in {parent}, which is itself; name another with --pose-topic")
     return make_edge(parent, child, "at its stamps", rows.values, rows.stamps, topic)
+
+
+def imu_edge(samples: Samples, topic: str, robot_frame: str) -> Edge | None:
+    """The attitude of an IMU against gravity; None where its messages do not tell, or change their frame."""
+    found = [(child, rows) for (_, child, name), rows in samples.items() if name == topic]
+    if len(found) != 1:
+        return None
+    child, rows = found[0]
+    return make_edge(GRAVITY, child or robot_frame, "at its stamps", rows.values, rows.stamps, topic)
