@@ -36,13 +36,14 @@ def test_several_cloud_topics(log):
     assert wrong == "no topic /front for --cloud-topic; clouds are on /points (10), /rear/points (4)"
     other = line(path, LogSection(cloud_topic="/tf"))
     assert other.startswith(
-        "--cloud-topic /tf is tf2_msgs/TFMessage, and gapeval reads sensor_msgs/PointCloud2;"
+        "--cloud-topic /tf is tf2_msgs/TFMessage, and gapeval reads PointCloud2, LaserScan, "
     )
 
 
 def test_no_clouds_or_nothing_at_all(log, tmp_path):
     path = log(lidar(), driving())
-    assert line(path).startswith("no clouds: gapeval reads sensor_msgs/PointCloud2, and the log has tf2_msgs")
+    assert line(path).startswith("no clouds: gapeval reads PointCloud2, LaserScan, ")
+    assert "for them, and the log has tf2_msgs/TFMessage on /tf (12), tf2" in line(path)
     for container in ("bag", "mcap", "mcap-bare", "sqlite3"):
         empty = write_records(tmp_path / f"empty-{container}", [], container)
         assert line(empty) == "no messages at all; record it again"

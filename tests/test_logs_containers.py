@@ -379,7 +379,7 @@ def test_big_endian_cdr(tmp_path, clouds, poses, expected):
     assert digests(path) == expected
 
 
-@pytest.mark.parametrize("encoding", ["protobuf", "json"])
+@pytest.mark.parametrize("encoding", ["flatbuffer", "cbor"])
 def test_other_encodings_are_named(tmp_path, encoding):
     record = Record("/scan", "foxglove.PointCloud", START, raw=b"{}")
     definitions = {"foxglove.PointCloud": ""}
@@ -392,8 +392,8 @@ def test_other_encodings_are_named(tmp_path, encoding):
         definitions=definitions,
     )
     assert one_line(path) == (
-        "LOG: no clouds: gapeval reads sensor_msgs/PointCloud2, "
-        f"and the log has foxglove.PointCloud as {encoding} on /scan (1)"
+        "LOG: no clouds: gapeval reads PointCloud2, LaserScan, MultiEchoLaserScan, and what Livox and "
+        f"Foxglove have for them, and the log has foxglove.PointCloud as {encoding} on /scan (1)"
     )
     asked = one_line(path, LogSection(cloud_topic="/scan"))
     assert f"--cloud-topic /scan is foxglove.PointCloud as {encoding}, and gapeval reads" in asked

@@ -51,8 +51,8 @@ def test_the_mcap_and_the_bag_of_one_drive_are_the_same_log():
         ),
         (
             "ouster_packets_no_cloud",
-            "no clouds: gapeval reads sensor_msgs/PointCloud2, and the log has "
-            "ouster_ros/PacketMsg on /os_node0/imu_packets (10), "
+            "no clouds: gapeval reads PointCloud2, LaserScan, MultiEchoLaserScan, and what Livox and "
+            "Foxglove have for them, and the log has ouster_ros/PacketMsg on /os_node0/imu_packets (10), "
             "ouster_ros/PacketMsg on /os_node0/lidar_packets (32)",
         ),
         (

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from gapeval.frame import Transform
-from gapeval.logs.read import foxglove, ros_message
+from gapeval.logs.read import cloud_file, file_message, foxglove, ros_message
 from gapeval.logs.read.cloud import PackedCloud, Points, UnreadableCloudError, cloud_points
 from gapeval.logs.read.container import Raw, Topic
 from gapeval.logs.read.foxglove_message import CLOUD, POSE, SCAN, TRANSFORM, TRANSFORMS, foxglove_type
@@ -62,6 +62,7 @@ __all__ = [
     "transforms",
 ]
 
+FILES = (*file_message.CLOUDS, file_message.POSES)
 Role = Literal["cloud", "laser", "tf", "pose", "imu"]
 
 _ROLES: dict[str, Role] = {
@@ -84,6 +85,8 @@ _FOXGLOVE_ROLES: dict[str, Role] = {
 
 def role_of(topic: Topic) -> Role | None:
     """What a topic's messages are to gapeval; None where it cannot read them."""
+    if topic.serialization in FILES:
+        return "pose" if topic.serialization == file_message.POSES else "cloud"
     kind = foxglove_type(topic)
     if kind is not None:
         return _FOXGLOVE_ROLES[kind]
@@ -95,16 +98,20 @@ def head(topic: Topic, raw: Raw) -> Head:
 
     raw: may be cut to container.HEAD bytes where head_suffices(topic).
     """
+    if topic.serialization in FILES:
+        return file_message.head(raw)
     return foxglove.head(topic, raw) if foxglove_type(topic) else ros_message.head(topic, raw)
 
 
 def head_suffices(topic: Topic) -> bool:
     """Whether the stamp and frame are in the first bytes of a message."""
-    return begins_with_header(topic)
+    return topic.serialization in FILES or begins_with_header(topic)
 
 
 def packed_cloud(topic: Topic, raw: Raw) -> PackedCloud:
     """The cloud as it stands in its message; nothing of it is checked yet."""
+    if topic.serialization in FILES:
+        return cloud_file.packed_cloud(topic, raw)
     if foxglove_type(topic):
         return foxglove.packed_cloud(topic, raw)
     return livox_cloud(topic, raw) if topic.type in LIVOX else ros_message.packed_cloud(topic, raw)
@@ -136,6 +143,8 @@ def transforms(topic: Topic, raw: Raw) -> list[StampedTransform]:
 
 
 def pose(topic: Topic, raw: Raw) -> StampedPose:
+    if topic.serialization == file_message.POSES:
+        return file_message.pose(raw)
     return foxglove.pose(topic, raw) if foxglove_type(topic) else ros_message.pose(topic, raw)
 
 

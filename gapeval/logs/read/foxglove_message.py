@@ -47,7 +47,7 @@ def decode_foxglove(topic: Topic, raw: Raw) -> Any:
         raise
     except (Exception, RecursionError) as error:
         # ValueError, DecodeError of protobuf, ...
-        text = " ".join(str(error).split())
+        text = " ".join(str(error).strip("\"'").split())
         raise UndecodableError(text[:200] or type(error).__name__) from error
 
 

@@ -11,6 +11,7 @@ from gapeval.errors import LogError
 from gapeval.logs.read.cloud import UnreadableCloudError
 from gapeval.logs.read.container import Container, Loss, Topic, naming
 from gapeval.logs.read.content import role_of, timed_cloud
+from gapeval.logs.read.foxglove_message import check_extra
 from gapeval.logs.read.laser import increment
 from gapeval.logs.read.message import UndecodableError
 from gapeval.logs.read.opening import open_container
@@ -64,12 +65,15 @@ def survey_log(path: Path, settings: LogSection, progress: Progress | None = Non
             planar = role_of(clouds[0]) == "laser"
             tf = tf_topics(container.topics, names[0])
             poses = _poses_to_read(container.topics, settings, tf)
+            for topic in container.topics:
+                if topic.name in (*names, *tf, *poses):
+                    check_extra(topic)
         survey = take_survey(container, names, (*tf, *poses), window, progress)
         with naming(path):
             offsets = _offsets(container, clouds, survey.headers, window, settings)
         losses = tuple(container.losses)
     samples: Samples = {key: rows for key, rows in survey.samples.items() if key[2] in tf}
-    tree, notices = build_tree(samples, settings.transforms)
+    tree, notices = build_tree(samples, settings.transforms, opened.topics)
     notices = (*opened.notices, *survey.notices, *notices)
     return Surveyed(path, opened, names, planar, window, survey, offsets, tree, notices, losses)
 

@@ -14,6 +14,7 @@ from gapeval.logs.read.content import (
     role_of,
     transforms,
 )
+from gapeval.logs.read.foxglove_message import foxglove_type
 from gapeval.logs.read.message import frame_of
 from gapeval.logs.read.transforms import Edge, Holds, TransformTree, make_edge
 
@@ -89,13 +90,20 @@ def add_transforms(samples: Samples, topic: str, items: Iterable[StampedTransfor
             rows.covariances.append(item.covariance)
 
 
-def build_tree(samples: Samples, extra: Sequence[StaticTransform]) -> tuple[TransformTree, tuple[str, ...]]:
-    """The tree of the log's tf and of the transforms that its user adds, and what is worth telling of it."""
+def build_tree(
+    samples: Samples, extra: Sequence[StaticTransform], topics: Iterable[Topic] = ()
+) -> tuple[TransformTree, tuple[str, ...]]:
+    """The tree of the log's tf and of the transforms that its user adds, and what is worth telling of it.
+
+    topics: of the log. Foxglove has no /tf_static: what one of its topics says but once holds for all time.
+    """
+    foreign = {topic.name for topic in topics if foxglove_type(topic)}
     edges: dict[tuple[str, str], Edge] = {}
     notices: list[str] = []
     # Static ones first: where an edge is in both, the moving one replaces it.
     for (parent, child, topic), rows in sorted(samples.items(), key=lambda s: not is_static_topic(s[0][2])):
-        holds: Holds = "always" if is_static_topic(topic) else "at its stamps"
+        is_lone = topic in foreign and len(rows.stamps) == 1 and not is_static_topic(topic)
+        holds: Holds = "always" if is_lone or is_static_topic(topic) else "at its stamps"
         edge = make_edge(parent, child, holds, rows.values, rows.stamps, topic)
         if (parent, child) in edges:
             notices.append(f"{edge.name} is on {edges[parent, child].source} and on {topic}; {topic} is used")

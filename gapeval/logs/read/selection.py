@@ -10,9 +10,9 @@ from gapeval.logs.read.message import POSE_TYPES, is_decodable
 from gapeval.logs.read.samples import pose_topics
 from gapeval.logs.read.transforms import TransformTree, ancestors, find_path, frames
 
-READS = "gapeval reads sensor_msgs/PointCloud2"
+READS = "gapeval reads PointCloud2, LaserScan, MultiEchoLaserScan, and what Livox and Foxglove have for them"
 # Types that hold laser scans which gapeval cannot read.
-OTHER_SCANS = ("CustomMsg", "PointCloud", "VelodyneScan", "PacketMsg")
+OTHER_SCANS = ("PointCloud", "VelodyneScan", "PacketMsg")
 ROBOT_NAMES = ("base_link", "base_footprint")
 FIXED_NAMES = ("map", "odom", "world")
 NEVER_ROBOT = (*FIXED_NAMES, "earth", "utm", "global", "odom_combined")
