@@ -275,7 +275,7 @@ def _tf_alone(path: Path, settings: LogSection, progress: Progress | None) -> Tr
     try:
         with open_container(path) as container:
             names = tf_topics(container.topics, settings.cloud_topic)
-            survey, topics = take_survey(container, (), names, Window(), progress), container.topics
+            survey, topics = take_survey(container, (), names, (), Window(), progress), container.topics
         return build_tree(survey.samples, settings.transforms, topics)[0]
     except LogError:
         # The problem is told already.
