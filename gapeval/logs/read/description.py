@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from gapeval.config import LogSection
 from gapeval.errors import LogError
-from gapeval.logs.read.cloud import DATATYPES, UnreadableCloudError, cloud_points
+from gapeval.logs.read.assembly import recording_of
+from gapeval.logs.read.cloud import DATATYPES, PackedCloud, UnreadableCloudError, cloud_points
 from gapeval.logs.read.container import Container, Topic, ros1_type
-from gapeval.logs.read.message import POINT_CLOUD, UndecodableError, decode, frame_of, is_decodable
+from gapeval.logs.read.content import UndecodableError, packed_cloud, role_of
 from gapeval.logs.read.opening import open_container
-from gapeval.logs.read.preparation import recording_of, survey_log
+from gapeval.logs.read.point_time import TimeField, timed_points
+from gapeval.logs.read.preparation import survey_log
 from gapeval.logs.read.recording import Recording
 from gapeval.logs.read.samples import build_tree, tf_topics
-from gapeval.logs.read.survey import Progress, take_survey
+from gapeval.logs.read.survey import Progress, Window, take_survey
 from gapeval.logs.read.transforms import Edge, TransformTree
 
 
@@ -42,7 +44,8 @@ class FieldSummary:
 class CloudSummary:
     """The first cloud of a topic. rate: clouds per second over the log; finite, not_finite, zero: points.
 
-    problem: why it cannot be read, else empty.
+    problem: why it cannot be read, else empty. time: where it has the time of each point; no_time: why there
+    is none.
     """
 
     topic: str
@@ -58,6 +61,8 @@ class CloudSummary:
     not_finite: int
     zero: int
     problem: str
+    time: TimeField | None
+    no_time: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +132,7 @@ def describe(path: Path, settings: LogSection, progress: Progress | None = None)
         surveyed = survey_log(path, settings, progress)
         tree, notices = surveyed.tree, surveyed.notices
         times = surveyed.survey.headers.bag_times
-        clouds = tuple(_with_rate(c, times) if c.topic == surveyed.cloud_topic else c for c in clouds)
+        clouds = tuple(_with_rate(c, times) if c.topic == surveyed.cloud_topics[0] else c for c in clouds)
         choice = _choice(recording_of(surveyed, settings))
     except LogError as error:
         problem = str(error)
@@ -175,14 +180,14 @@ def _with_text_stamps(value: Any, name: str = "") -> Any:
 
 def _clouds(container: Container) -> list[CloudSummary]:
     """The first cloud of every topic that has any."""
-    topics = {t.name: t for t in container.topics if t.type == POINT_CLOUD and t.count and is_decodable(t)}
+    topics = {t.name: t for t in container.topics if role_of(t) == "cloud" and t.count}
     summaries = []
     for name, topic in topics.items():
         messages = container.messages([name], None, None)
         try:
             found, _, raw = next(messages)
-            summaries.append(_cloud(topic, decode(found, raw), _rate(topic, container)))
-        except (StopIteration, LogError, UndecodableError):
+            summaries.append(_cloud(topic, packed_cloud(found, raw), _rate(topic, container)))
+        except (StopIteration, LogError, UndecodableError, UnreadableCloudError):
             # The problem comes up again, in full, when the log is surveyed.
             continue
     return summaries
@@ -200,36 +205,35 @@ def _with_rate(cloud: CloudSummary, times: NDArray[np.int64]) -> CloudSummary:
     return replace(cloud, rate=(len(times) - 1) / (span / 1e9)) if span > 0 else cloud
 
 
-def _cloud(topic: Topic, message: Any, rate: float | None) -> CloudSummary:
+def _cloud(topic: Topic, cloud: PackedCloud, rate: float | None) -> CloudSummary:
     finite, not_finite, zero, problem = 0, 0, 0, ""
+    time, no_time = None, ""
     try:
-        points = cloud_points(message)
+        points = cloud_points(cloud)
         finite, not_finite, zero = len(points.xyz), points.not_finite, points.zero
+        _, time = timed_points(cloud)
     except UnreadableCloudError as error:
-        problem = str(error)
+        problem, no_time = (str(error), "") if not finite else ("", error.detail)
     fields = tuple(
-        FieldSummary(
-            str(f.name),
-            DATATYPES.get(int(f.datatype), (f"type {f.datatype}", ""))[0],
-            int(f.offset),
-            int(f.count),
-        )
-        for f in message.fields
+        FieldSummary(f.name, DATATYPES.get(f.datatype, (f"type {f.datatype}", ""))[0], f.offset, f.count)
+        for f in cloud.fields
     )
     return CloudSummary(
         topic=topic.name,
-        frame_id=frame_of(message.header.frame_id),
-        width=int(message.width),
-        height=int(message.height),
-        point_step=int(message.point_step),
-        row_step=int(message.row_step),
-        is_bigendian=bool(message.is_bigendian),
+        frame_id=cloud.frame,
+        width=cloud.width,
+        height=cloud.height,
+        point_step=cloud.point_step,
+        row_step=cloud.row_step,
+        is_bigendian=cloud.is_bigendian,
         fields=fields,
         rate=rate,
         finite=finite,
         not_finite=not_finite,
         zero=zero,
         problem=problem,
+        time=time,
+        no_time=no_time,
     )
 
 
@@ -238,8 +242,8 @@ def _tf_alone(path: Path, settings: LogSection, progress: Progress | None) -> Tr
     try:
         with open_container(path) as container:
             names = tf_topics(container.topics, settings.cloud_topic)
-            survey = take_survey(container, None, names, (), progress)
-        return build_tree(survey.samples, settings.transforms)[0]
+            survey, topics = take_survey(container, (), names, Window(), progress), container.topics
+        return build_tree(survey.samples, settings.transforms, topics)[0]
     except LogError:
         # The problem is told already.
         return TransformTree()
@@ -297,6 +301,13 @@ def _cloud_lines(cloud: CloudSummary) -> list[str]:
     ]
     if cloud.problem:
         lines.append(f"  cannot be read: {cloud.problem}")
+    if cloud.time is not None:
+        lines.append(
+            f"  {cloud.time.name} says when each point was measured: {cloud.time.unit} since "
+            f"{'1970' if cloud.time.origin == 'absolute' else 'the stamp'}, over {cloud.time.span:.3f} s"
+        )
+    elif cloud.no_time:
+        lines.append(f"  no time for each point: {cloud.no_time}")
     fields = [
         (f.name, f.type + (f"[{f.count}]" if f.count > 1 else ""), f"at {f.offset}") for f in cloud.fields
     ]

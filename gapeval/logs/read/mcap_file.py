@@ -14,7 +14,15 @@ from mcap.records import Message as McapMessage
 from mcap.stream_reader import breakup_chunk
 
 from gapeval.logs.read.compression import decompressed
-from gapeval.logs.read.container import Container, Message, Topic, library_errors, merged_topics, ros2_type
+from gapeval.logs.read.container import (
+    Container,
+    Message,
+    Topic,
+    library_errors,
+    merged_topics,
+    ros2_type,
+    whole_heads,
+)
 from gapeval.logs.read.mcap_index import Block, Index, read_index, record_content
 
 KIND = "MCAP"
@@ -40,7 +48,7 @@ def open_mcap_file(path: Path) -> Iterator[Container]:
             start=min((block.start for block in blocks), default=None),
             end=max((block.end for block in blocks), default=None),
             messages=partial(_messages, stream, path, index, topics),
-            heads=partial(_messages, stream, path, index, topics),
+            heads=whole_heads(partial(_messages, stream, path, index, topics)),
             notices=index.notices,
         )
 

@@ -9,7 +9,7 @@ from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Reader
 
 from gapeval.errors import LogError
-from gapeval.logs.read.container import Container, Message, Topic, library_errors, merged_topics
+from gapeval.logs.read.container import Container, Message, Topic, library_errors, merged_topics, whole_heads
 
 KIND = "ROS 1 bag"
 MAGIC = b"#ROSBAG V"
@@ -31,7 +31,7 @@ def open_ros1_bag(path: Path) -> Iterator[Container]:
                 start=None if empty else reader.start_time,
                 end=None if empty else reader.end_time - 1,
                 messages=partial(_messages, reader, path),
-                heads=partial(_messages, reader, path),
+                heads=whole_heads(partial(_messages, reader, path)),
             )
         yield container
     finally:

@@ -20,6 +20,7 @@ from gapeval.logs.read.container import (
     library_errors,
     merged_topics,
     ros2_type,
+    whole_heads,
 )
 
 METADATA = "metadata.yaml"
@@ -63,7 +64,7 @@ def open_rosbag2_folder(path: Path, open_file: OpenFile) -> Iterator[Container]:
         start=min((part.start for part in parts if part.start is not None), default=None),
         end=max((part.end for part in parts if part.end is not None), default=None),
         messages=partial(_messages, parts, open_file),
-        heads=partial(_messages, parts, open_file),
+        heads=whole_heads(partial(_messages, parts, open_file)),
         notices=notices,
     )
 

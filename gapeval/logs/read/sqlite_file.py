@@ -12,7 +12,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from gapeval.errors import LogError
 from gapeval.logs.read.compression import decompressed
-from gapeval.logs.read.container import Container, Message, Topic, library_errors, merged_topics
+from gapeval.logs.read.container import Container, Message, Topic, library_errors, merged_topics, whole_heads
 
 KIND = "rosbag2 sqlite3"
 MAGIC = b"SQLite format 3\0"
@@ -37,7 +37,7 @@ def open_sqlite_file(path: Path) -> Iterator[Container]:
                 start=None if empty else int(reader.metadata.start_time),
                 end=None if empty else int(reader.metadata.end_time) - 1,
                 messages=partial(_messages, reader, path),
-                heads=partial(_messages, reader, path),
+                heads=whole_heads(partial(_messages, reader, path)),
             )
         yield container
     finally:

@@ -1,0 +1,65 @@
+"""How the robot stands at each cloud: which way is up, and how well its pose is known."""
+
+import numpy as np
+
+from gapeval.config import LogSection
+from gapeval.frame import FloatArray, rotation_matrices
+from gapeval.logs.read.preparation import Surveyed
+from gapeval.logs.read.quality import nearest_covariances, pose_quality
+from gapeval.logs.read.recording import Scans
+from gapeval.logs.read.samples import GRAVITY, imu_edge
+from gapeval.logs.read.selection import choose_imu_topic
+from gapeval.logs.read.survey import read_samples
+from gapeval.logs.read.transforms import Transforms, TransformTree, bracket, lookup
+
+
+def up(
+    surveyed: Surveyed, settings: LogSection, scans: Scans, tree: TransformTree, robot: str
+) -> tuple[FloatArray | None, tuple[str, ...]]:
+    """Against gravity in the robot frame, (n, 3), NaN where that is not known; and what is worth telling.
+
+    The fixed frame's z where there is one, else by the orientation of an IMU; None without either.
+    """
+    if scans.pose is not None:
+        return _z_of(scans.pose), ()
+    topic = choose_imu_topic(surveyed.opened.topics, settings.imu_topic)
+    if topic is None:
+        return None, ()
+    edge = imu_edge(read_samples(surveyed.path, topic.name, surveyed.window), topic.name, robot)
+    if edge is None:
+        return None, (f"{topic.name}: its messages have no orientation",)
+    placed = TransformTree(tree.edges, edge)
+    found = lookup(placed, GRAVITY, robot, scans.stamps, settings.max_tf_gap)
+    if found is None:
+        return None, (f"{topic.name}: where {edge.child} sits on {robot} is not in tf, so it is not used",)
+    return np.where(found.valid[:, None], _z_of(found.transforms), np.nan), ()
+
+
+def quality(
+    surveyed: Surveyed, scans: Scans, tree: TransformTree, robot: str, fixed: str | None
+) -> FloatArray | None:
+    """Of the pose at each cloud, (n, 4); None without any."""
+    pose, stamps = scans.pose, scans.stamps
+    if pose is None or fixed is None:
+        return None
+    between = bracket(tree, fixed, robot, stamps)
+    frame = scans.sources.frames[int(scans.main[0])]
+    mounted = bracket(tree, robot, frame, stamps)
+    covariances = None
+    if tree.pose is not None:
+        rows = [r for (_, _, name), r in surveyed.survey.samples.items() if name == tree.pose.source]
+        if rows and any(values is not None for values in rows[0].covariances):
+            covariances = _covariances(rows[0].stamps, rows[0].covariances, stamps)
+    return pose_quality(pose, between, mounted.width, covariances)
+
+
+def _covariances(sampled: list[int], values: list[tuple[float, ...] | None], wanted: object) -> FloatArray:
+    nothing = (np.nan,) * 36
+    table = np.array([nothing if value is None else value for value in values]).reshape(-1, 6, 6)
+    order = np.argsort(np.array(sampled, dtype=np.int64), kind="stable")
+    return nearest_covariances(np.asarray(wanted), np.array(sampled, dtype=np.int64)[order], table[order])
+
+
+def _z_of(world: Transforms) -> FloatArray:
+    """The z axis of the world in the robot's frame, (n, 3), of world<-robot."""
+    return rotation_matrices(world.quaternion)[:, 2, :].copy()
