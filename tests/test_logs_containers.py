@@ -320,8 +320,10 @@ def test_fewer_messages_than_the_statistics_say(tmp_path, clouds, poses):
     data[at : at + 4] = (COUNT + 2).to_bytes(4, "little")
     path.write_bytes(data)
     recording = read_recording(path, LogSection())
-    expected = f"/points: {COUNT} messages read, the log's own statistics say {COUNT + 2}"
-    assert recording.notices == (expected,)
+    (loss,) = recording.losses
+    assert str(loss) == "log.bag: fewer messages on /points than the log's own statistics say (2 messages)"
+    strict = "not whole: log.bag: fewer messages on /points than the log's own statistics say (2 messages)"
+    assert one_line(path, LogSection(strict=True)) == f"LOG: {strict}; leave out --strict to use the rest"
 
 
 POINT_CLOUD = ROS2.generate_msgdef("sensor_msgs/msg/PointCloud2", ros_version=2)[0]

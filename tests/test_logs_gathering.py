@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from logs_checks import frames_of, line
-from logs_writer import static_record, write_sorted
+from logs_writer import Record, odometry_record, static_record, write_sorted
 from moving_robot import (
     MOUNT,
     REAR,
@@ -14,6 +14,7 @@ from moving_robot import (
     imu,
     into_robot,
     pose,
+    poses,
     skewed,
     tf,
     timed_cloud,
@@ -241,3 +242,49 @@ def test_the_quality_of_a_pose_tells_the_gap_that_it_was_interpolated_over(tmp_p
     for frame in frames_of(path):
         assert frame.quality.gap == pytest.approx(1 / 8, abs=1e-6)
         assert 0 < frame.quality.roll < 0.01
+
+
+def odometry(stamp, covariance):
+    """An odometry that says how well it knows the pose."""
+    record = odometry_record(stamp, "map", "base_link", *(v[0].tolist() for v in poses([stamp])))
+
+    def build(store):
+        message = record.build(store)
+        message.pose.covariance[:] = covariance.ravel()
+        return message
+
+    return Record(record.topic, record.type, record.time, build)
+
+
+def test_the_covariance_of_a_pose_is_turned_into_the_robots_frame(tmp_path):
+    deviations = np.array([0.1, 0.2, 0.05, 0.01, 0.04, 0.3])
+    exact = [odometry(stamp, np.diag(deviations**2)) for stamp in [START - 5, *STAMPS, STAMPS[-1] + 5]]
+    mounts = static_record(
+        START - SECOND, [("base_link", "lidar", MOUNT.translation.tolist(), MOUNT.quaternion.tolist())]
+    )
+    for frame in frames_of(write_sorted(tmp_path / "log", mounts, exact, [sparse(s) for s in STAMPS])):
+        turn = pose(frame.stamp).matrix
+        attitude = turn.T @ np.diag(deviations[3:] ** 2) @ turn
+        place = turn.T @ np.diag(deviations[:3] ** 2) @ turn
+        expected = [0.0, *np.sqrt([attitude[0, 0], attitude[1, 1], place[2, 2]])]
+        found = frame.quality
+        assert [found.gap, found.roll, found.pitch, found.height] == pytest.approx(expected, abs=1e-6)
+
+
+def test_poses_may_come_from_a_file(tmp_path):
+    """TUM poses beside a log that has none; they name themselves in the results."""
+    mounts = static_record(
+        START - SECOND, [("base_link", "lidar", MOUNT.translation.tolist(), MOUNT.quaternion.tolist())]
+    )
+    path = write_sorted(tmp_path / "log", mounts, [sparse(s) for s in STAMPS])
+    stamps = np.arange(START - SECOND, START + 3 * SECOND, SECOND // 100)
+    lines = [
+        " ".join([f"{s // SECOND}.{s % SECOND:09d}", *(f"{v:.9f}" for v in (*p, *q))])
+        for s, p, q in zip(stamps, *poses(stamps), strict=True)
+    ]
+    file = tmp_path / "slam.tum"
+    file.write_text("\n".join(["# a trajectory", *lines]))
+    recording = read_recording(path, settings(poses=str(file), accumulate={"scans": 3}))
+    assert recording.pose_source.startswith("slam.tum (sha256 ")
+    for frame in read_frames(recording, 0, recording.matched):
+        np.testing.assert_allclose(frame.points, there(frame.stamp, seen(frame.stamp, 3)), atol=2e-3)

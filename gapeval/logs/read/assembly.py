@@ -1,10 +1,13 @@
 """A surveyed log -> its recording: frames, transforms and clouds are settled."""
 
+import hashlib
 import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from gapeval.config import LogSection
 from gapeval.errors import LogError
@@ -15,6 +18,7 @@ from gapeval.logs.read.matching import Frames, Refusals, check_matched, match, u
 from gapeval.logs.read.passes import rotation
 from gapeval.logs.read.playback import measure_lowest_elevation
 from gapeval.logs.read.pose_error import error_of, errors_asked
+from gapeval.logs.read.pose_file import CALIBRATION, read_pose_file
 from gapeval.logs.read.preparation import Surveyed, survey_log
 from gapeval.logs.read.recording import Recording, Scans, Sources
 from gapeval.logs.read.samples import pose_edge, pose_topics
@@ -25,7 +29,7 @@ from gapeval.logs.read.selection import (
     choose_sensor_frame,
 )
 from gapeval.logs.read.survey import Headers, Progress, read_samples
-from gapeval.logs.read.transforms import TransformTree, find_path, lookup, with_pose
+from gapeval.logs.read.transforms import Edge, TransformTree, find_path, lookup, make_edge, with_pose
 
 
 def read_recording(path: Path, settings: LogSection, progress: Progress | None = None) -> Recording:
@@ -59,7 +63,7 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
         scans, total, notices = _clouds(surveyed, settings, sources, tree, robot, refusals)
         scans = thinned(scans, settings.every)
         attitude, told = up(surveyed, settings, scans, tree, robot)
-        scans = replace(scans, up=attitude, quality=quality(surveyed, scans, tree, robot, fixed))
+        scans = replace(scans, up=attitude, quality=quality(scans, tree, robot, fixed))
     recording = Recording(
         path=surveyed.path,
         container=surveyed.opened.kind,
@@ -83,6 +87,7 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
         losses=surveyed.losses,
         laser=settings.laser,
         deskew=settings.deskew,
+        strict=settings.strict,
     )
     recording = replace(recording, lowest_elevations=_lowest_elevations(recording, settings))
     return erring(recording, settings)
@@ -216,8 +221,12 @@ def _named(surveyed: Surveyed, settings: LogSection) -> Headers:
 
 
 def _with_poses(surveyed: Surveyed, settings: LogSection, robot: str) -> TransformTree:
-    """The tree, with a pose topic where one was named, or where tf alone leaves the robot without a pose."""
+    """The tree, with the poses of a file or a topic where one was named, or of the only topic where tf alone
+    leaves the robot without a pose.
+    """
     tree, samples = surveyed.tree, surveyed.survey.samples
+    if settings.poses is not None:
+        return with_pose(tree, _file_edge(Path(settings.poses), surveyed, settings, robot))
     if settings.pose_topic is not None:
         topic = choose_pose_topic(surveyed.opened.topics, settings.pose_topic).name
     else:
@@ -231,6 +240,22 @@ def _with_poses(surveyed: Surveyed, settings: LogSection, robot: str) -> Transfo
         if not any(name == topic for _, _, name in samples):
             samples = read_samples(surveyed.path, topic, surveyed.window)
     return with_pose(tree, pose_edge(samples, topic, robot, settings.fixed_frame))
+
+
+def _file_edge(path: Path, surveyed: Surveyed, settings: LogSection, robot: str) -> Edge:
+    """The edge fixed<-robot of a file of poses. KITTI's have no times: those of the clouds, one by one."""
+    stamps = np.unique(used_stamps(surveyed.survey.headers, settings)).tolist()
+    calibration = path.with_name(CALIBRATION)
+    poses = read_pose_file(path, stamps, calibration if calibration.is_file() else None)
+    content = hashlib.sha256(path.read_bytes()).hexdigest()[:8]
+    return make_edge(
+        (settings.fixed_frame or poses[0].parent).lstrip("/"),
+        robot,
+        "at its stamps",
+        [pose.values for pose in poses],
+        [pose.stamp for pose in poses],
+        f"{path.name} (sha256 {content})",
+    )
 
 
 def _is_posed(tree: TransformTree, robot: str, fixed_frame: str | None) -> bool:

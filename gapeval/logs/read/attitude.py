@@ -35,29 +35,17 @@ def up(
     return np.where(found.valid[:, None], _z_of(found.transforms), np.nan), ()
 
 
-def quality(
-    surveyed: Surveyed, scans: Scans, tree: TransformTree, robot: str, fixed: str | None
-) -> FloatArray | None:
+def quality(scans: Scans, tree: TransformTree, robot: str, fixed: str | None) -> FloatArray | None:
     """Of the pose at each cloud, (n, 4); None without any."""
     pose, stamps = scans.pose, scans.stamps
     if pose is None or fixed is None:
         return None
     between = bracket(tree, fixed, robot, stamps)
-    frame = scans.sources.frames[int(scans.main[0])]
-    mounted = bracket(tree, robot, frame, stamps)
+    mounted = bracket(tree, robot, scans.sources.frames[int(scans.main[0])], stamps)
     covariances = None
-    if tree.pose is not None:
-        rows = [r for (_, _, name), r in surveyed.survey.samples.items() if name == tree.pose.source]
-        if rows and any(values is not None for values in rows[0].covariances):
-            covariances = _covariances(rows[0].stamps, rows[0].covariances, stamps)
+    if tree.pose is not None and tree.pose.covariances is not None:
+        covariances = nearest_covariances(stamps, tree.pose.stamps, tree.pose.covariances)
     return pose_quality(pose, between, mounted.width, covariances)
-
-
-def _covariances(sampled: list[int], values: list[tuple[float, ...] | None], wanted: object) -> FloatArray:
-    nothing = (np.nan,) * 36
-    table = np.array([nothing if value is None else value for value in values]).reshape(-1, 6, 6)
-    order = np.argsort(np.array(sampled, dtype=np.int64), kind="stable")
-    return nearest_covariances(np.asarray(wanted), np.array(sampled, dtype=np.int64)[order], table[order])
 
 
 def _z_of(world: Transforms) -> FloatArray:

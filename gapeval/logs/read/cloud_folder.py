@@ -13,14 +13,14 @@ from gapeval.logs.read.file_message import KITTI, PCD, PLY, POSES, pose_message,
 from gapeval.logs.read.measurement import StampedPose
 from gapeval.logs.read.message import UndecodableError
 from gapeval.logs.read.pcd import LONGEST_HEADER, pcd_header, viewpoint_pose
-from gapeval.logs.read.pose_file import is_tum, read_pose_file, read_times
+from gapeval.logs.read.pose_file import CALIBRATION, is_tum, read_pose_file, read_times
 
 SERIALIZATIONS = {".pcd": PCD, ".ply": PLY, ".bin": KITTI}
 CLOUD_TOPIC, POSE_TOPIC = "/points", "/poses"
 KITTI_FRAME, FRAME = "velodyne", "lidar"
 # How files of poses are called, best first.
 POSE_FILES = ("*.tum", "poses.txt", "*poses*.txt", "[0-9][0-9].txt")
-TIMES, CALIBRATION = "times.txt", "calib.txt"
+TIMES = "times.txt"
 # 1234567890.123456789, 1234567890_123456789, microseconds, nanoseconds; something else may stand in front.
 NAMED = re.compile(r"(?:.*[^0-9])?(?:(\d{9,10})[._](\d{1,9})|(\d{16})|(\d{17,19}))")
 

@@ -1,7 +1,6 @@
 """What a log holds and what gapeval would make of it, for `gapeval info`."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.config import LogSection
+from gapeval.config import LogSection, RotatingLaser
 from gapeval.errors import LogError
 from gapeval.logs.read.assembly import recording_of
 from gapeval.logs.read.cloud import DATATYPES, PackedCloud, UnreadableCloudError, cloud_points
-from gapeval.logs.read.container import Container, Topic, ros1_type
-from gapeval.logs.read.content import UndecodableError, packed_cloud, role_of
+from gapeval.logs.read.container import Container, Loss, Topic, ros1_type
+from gapeval.logs.read.content import UndecodableError, laser_scan, packed_cloud, role_of
+from gapeval.logs.read.laser import echoes
 from gapeval.logs.read.opening import open_container
 from gapeval.logs.read.point_time import TimeField, timed_points
 from gapeval.logs.read.preparation import survey_log
@@ -66,6 +66,20 @@ class CloudSummary:
 
 
 @dataclass(frozen=True, slots=True)
+class PlanarSummary:
+    """The first scan of a topic. angles: of the first and last beam [deg]; time_increment: from beam to beam
+    [s]; echoes: beams that have one within the scan's limits.
+    """
+
+    topic: str
+    frame_id: str
+    beams: int
+    angles: tuple[float, float]
+    time_increment: float
+    echoes: int
+
+
+@dataclass(frozen=True, slots=True)
 class EdgeSummary:
     """parent<-child. start, end: first and last stamp [ns]; rate: samples per second; both None if static."""
 
@@ -99,7 +113,10 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """start, end: bag times [ns]. choice: None where picking fails, and problem says why, in one line."""
+    """start, end: bag times [ns]. choice: None where picking fails, and problem says why, in one line.
+
+    losses: what cannot be read.
+    """
 
     path: str
     container: str
@@ -107,10 +124,12 @@ class Description:
     end: int | None
     topics: tuple[TopicSummary, ...]
     clouds: tuple[CloudSummary, ...]
+    scans: tuple[PlanarSummary, ...]
     transforms: tuple[EdgeSummary, ...]
     choice: Choice | None
     problem: str | None
     notices: tuple[str, ...]
+    losses: tuple[Loss, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; stamps are strings, since 2**53 is too small for them."""
@@ -126,14 +145,16 @@ def describe(path: Path, settings: LogSection, progress: Progress | None = None)
     with open_container(path) as container:
         topics, start, end, notices = container.topics, container.start, container.end, container.notices
         kind = container.kind
-        clouds = tuple(_clouds(container))
+        clouds, scans = tuple(_clouds(container)), tuple(_planar_scans(container))
+        losses = tuple(container.losses)
     problem, choice, tree = None, None, TransformTree()
     try:
         surveyed = survey_log(path, settings, progress)
-        tree, notices = surveyed.tree, surveyed.notices
+        tree, notices, losses = surveyed.tree, surveyed.notices, surveyed.losses
         times = surveyed.survey.headers.bag_times
         clouds = tuple(_with_rate(c, times) if c.topic == surveyed.cloud_topics[0] else c for c in clouds)
-        choice = _choice(recording_of(surveyed, settings))
+        recording = recording_of(surveyed, settings)
+        choice, notices = _choice(recording), recording.notices
     except LogError as error:
         problem = str(error)
         if not tree.edges:
@@ -145,26 +166,13 @@ def describe(path: Path, settings: LogSection, progress: Progress | None = None)
         end=end,
         topics=tuple(TopicSummary(t.name, ros1_type(t.type), t.serialization, t.count) for t in topics),
         clouds=clouds,
+        scans=scans,
         transforms=tuple(_edge(edge) for edge in tree.all_edges),
         choice=choice,
         problem=problem,
         notices=notices,
+        losses=losses,
     )
-
-
-def render(description: Description) -> str:
-    """The description as text for people, without a line break at its end."""
-    d = description
-    lines = [f"{d.path}: {d.container}{_span(d.start, d.end)}", "", "topics"]
-    lines += _table([(t.name, t.type, f"{t.count}", _foreign(t)) for t in d.topics])
-    for cloud in d.clouds:
-        lines += ["", *_cloud_lines(cloud)]
-    if d.transforms:
-        lines += ["", "transforms"]
-        lines += _table([(f"{e.parent} <- {e.child}", e.kind, _edge_rate(e), e.source) for e in d.transforms])
-    lines += ["", *(_choice_lines(d.choice) if d.choice is not None else [f"cannot be swept: {d.problem}"])]
-    lines += [f"note: {notice}" for notice in d.notices]
-    return "\n".join(lines)
 
 
 def _with_text_stamps(value: Any, name: str = "") -> Any:
@@ -190,6 +198,31 @@ def _clouds(container: Container) -> list[CloudSummary]:
         except (StopIteration, LogError, UndecodableError, UnreadableCloudError):
             # The problem comes up again, in full, when the log is surveyed.
             continue
+    return summaries
+
+
+def _planar_scans(container: Container) -> list[PlanarSummary]:
+    """The first scan of every topic of planar scans that has any."""
+    summaries = []
+    for topic in container.topics:
+        if role_of(topic) != "laser" or not topic.count:
+            continue
+        try:
+            found, _, raw = next(container.messages([topic.name], None, None))
+            scan = laser_scan(found, raw)
+        except (StopIteration, LogError, UndecodableError):
+            continue
+        last = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)
+        summaries.append(
+            PlanarSummary(
+                topic=topic.name,
+                frame_id=scan.frame,
+                beams=len(scan.ranges),
+                angles=(math.degrees(scan.angle_min), math.degrees(last)),
+                time_increment=scan.time_increment,
+                echoes=len(echoes(scan, RotatingLaser()).points),
+            )
+        )
     return summaries
 
 
@@ -242,7 +275,7 @@ def _tf_alone(path: Path, settings: LogSection, progress: Progress | None) -> Tr
     try:
         with open_container(path) as container:
             names = tf_topics(container.topics, settings.cloud_topic)
-            survey, topics = take_survey(container, (), names, Window(), progress), container.topics
+            survey, topics = take_survey(container, (), names, (), Window(), progress), container.topics
         return build_tree(survey.samples, settings.transforms, topics)[0]
     except LogError:
         # The problem is told already.
@@ -274,62 +307,3 @@ def _choice(recording: Recording) -> Choice:
         refused=dict(recording.refused),
         examples=dict(recording.examples),
     )
-
-
-def _choice_lines(choice: Choice) -> list[str]:
-    fixed = choice.fixed_frame or "none"
-    rows = [
-        ("cloud topic", choice.cloud_topic),
-        ("frames", f"robot {choice.robot_frame}, fixed {fixed}, sensor {choice.sensor_frame}"),
-        ("poses", choice.pose_source),
-        ("clouds", f"{choice.matched} of {choice.total} have all transforms"),
-        ("lowest ray", f"{choice.lowest_elevation:.2f} deg"),
-    ]
-    for reason, count in choice.refused.items():
-        shown = ", ".join(str(stamp) for stamp in choice.examples.get(reason, ()))
-        rows.append(("refused", f"{count} x {reason} (e.g. {shown})"))
-    return ["picked", *_table(rows)]
-
-
-def _cloud_lines(cloud: CloudSummary) -> list[str]:
-    rate = "" if cloud.rate is None else f", {cloud.rate:.2f} Hz"
-    order = "big" if cloud.is_bigendian else "little"
-    lines = [
-        f"clouds on {cloud.topic}: frame {cloud.frame_id or '(none)'}, {cloud.width} x {cloud.height}{rate}",
-        f"  {cloud.point_step} bytes per point, {order}-endian; first cloud: {cloud.finite} points, "
-        f"{cloud.not_finite} NaN or infinite, {cloud.zero} at (0, 0, 0)",
-    ]
-    if cloud.problem:
-        lines.append(f"  cannot be read: {cloud.problem}")
-    if cloud.time is not None:
-        lines.append(
-            f"  {cloud.time.name} says when each point was measured: {cloud.time.unit} since "
-            f"{'1970' if cloud.time.origin == 'absolute' else 'the stamp'}, over {cloud.time.span:.3f} s"
-        )
-    elif cloud.no_time:
-        lines.append(f"  no time for each point: {cloud.no_time}")
-    fields = [
-        (f.name, f.type + (f"[{f.count}]" if f.count > 1 else ""), f"at {f.offset}") for f in cloud.fields
-    ]
-    return lines + _table(fields)
-
-
-def _edge_rate(edge: EdgeSummary) -> str:
-    return f"{edge.count} x" + ("" if edge.rate is None else f", {edge.rate:.1f} Hz")
-
-
-def _foreign(topic: TopicSummary) -> str:
-    return "" if topic.serialization in ("ros1", "cdr") else topic.serialization
-
-
-def _span(start: int | None, end: int | None) -> str:
-    return "" if start is None or end is None else f", {(end - start) / 1e9:.1f} s from {start / 1e9:.3f}"
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    if not rows:
-        return []
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  " + "  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]

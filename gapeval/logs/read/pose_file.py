@@ -11,6 +11,7 @@ from gapeval.frame import FloatArray
 from gapeval.logs.read.measurement import StampedPose
 
 PARENT = "map"
+CALIBRATION = "calib.txt"  # of KITTI, beside the poses
 TUM, KITTI = 8, 12  # columns
 NO_ROTATION = 1e-2  # how far from orthonormal a matrix may be
 LATEST = 1 << 62  # ns

@@ -10,7 +10,7 @@ from gapeval.config import LogSection
 from gapeval.errors import LogError
 from gapeval.logs.read.cloud import UnreadableCloudError
 from gapeval.logs.read.container import Container, Loss, Topic, naming
-from gapeval.logs.read.content import role_of, timed_cloud
+from gapeval.logs.read.content import head_suffices, role_of, timed_cloud
 from gapeval.logs.read.foxglove_message import check_extra
 from gapeval.logs.read.laser import increment
 from gapeval.logs.read.message import UndecodableError
@@ -21,6 +21,7 @@ from gapeval.logs.read.survey import Headers, Progress, Survey, Window, take_sur
 from gapeval.logs.read.transforms import Stamps, TransformTree
 
 KNOT = 5_000_000  # ns between two transforms of one deskewed cloud
+LARGE = 4 << 30  # bytes
 LOOKED_AT = 10  # clouds whose points' times are looked at beforehand
 
 
@@ -68,14 +69,28 @@ def survey_log(path: Path, settings: LogSection, progress: Progress | None = Non
             for topic in container.topics:
                 if topic.name in (*names, *tf, *poses):
                     check_extra(topic)
-        survey = take_survey(container, names, (*tf, *poses), window, progress)
+        heads = tuple(topic.name for topic in clouds if _by_its_head(topic)) if is_large(path) else ()
+        survey = take_survey(container, names, (*tf, *poses), heads, window, progress)
         with naming(path):
             offsets = _offsets(container, clouds, survey.headers, window, settings)
-        losses = tuple(container.losses)
+        losses = tuple(container.losses) or tuple(
+            Loss(path.name, f"fewer messages on {name} than the log's own statistics say", messages=count)
+            for name, count in survey.lacking.items()
+        )
     samples: Samples = {key: rows for key, rows in survey.samples.items() if key[2] in tf}
     tree, notices = build_tree(samples, settings.transforms, opened.topics)
     notices = (*opened.notices, *survey.notices, *notices)
     return Surveyed(path, opened, names, planar, window, survey, offsets, tree, notices, losses)
+
+
+def is_large(path: Path) -> bool:
+    """Whether opening a log should not take as long as reading it: its clouds are not checked beforehand."""
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file()) > LARGE
+
+
+def _by_its_head(topic: Topic) -> bool:
+    return head_suffices(topic) and role_of(topic) == "cloud"
 
 
 def wanted_window(container: Container, settings: LogSection) -> Window:

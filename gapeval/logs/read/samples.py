@@ -1,10 +1,13 @@
 """tf and pose messages -> the edges of a transform tree."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from gapeval.config import StaticTransform
 from gapeval.errors import LogError
+from gapeval.frame import FloatArray
 from gapeval.logs.read.container import Raw, Topic
 from gapeval.logs.read.content import (
     StampedPose,
@@ -16,7 +19,7 @@ from gapeval.logs.read.content import (
 )
 from gapeval.logs.read.foxglove_message import foxglove_type
 from gapeval.logs.read.message import frame_of
-from gapeval.logs.read.transforms import Edge, Holds, TransformTree, make_edge
+from gapeval.logs.read.transforms import Edge, Holds, Stamps, TransformTree, make_edge
 
 SETTING = "log.transforms"
 GRAVITY = "(gravity)"  # the frame that an IMU gives its orientation in
@@ -133,7 +136,17 @@ def pose_edge(samples: Samples, topic: str, robot_frame: str, fixed_frame: str |
     parent, child = parent or frame_of(str(fixed_frame)), child or robot_frame
     if parent == child:
         raise LogError(f"{topic} gives {child} in {parent}, which is itself; name another with --pose-topic")
-    return make_edge(parent, child, "at its stamps", rows.values, rows.stamps, topic)
+    edge = make_edge(parent, child, "at its stamps", rows.values, rows.stamps, topic)
+    return replace(edge, covariances=_covariances(rows, edge.stamps))
+
+
+def _covariances(rows: Rows, stamps: Stamps) -> FloatArray | None:
+    """Of the samples at these stamps, the last ones that have them; None where no sample says anything."""
+    said = dict(zip(rows.stamps, rows.covariances, strict=True))
+    if not any(said.values()):
+        return None
+    nothing = (np.nan,) * 36
+    return np.array([said[stamp] or nothing for stamp in stamps.tolist()]).reshape(-1, 6, 6)
 
 
 def imu_edge(samples: Samples, topic: str, robot_frame: str) -> Edge | None:

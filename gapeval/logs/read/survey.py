@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.logs.read.container import Container, Raw, Topic
-from gapeval.logs.read.content import head, head_suffices, laser_scan, role_of
+from gapeval.logs.read.content import head, laser_scan, role_of
 from gapeval.logs.read.message import UndecodableError
 from gapeval.logs.read.opening import open_container
 from gapeval.logs.read.samples import Samples, add_message, is_static_topic
@@ -74,21 +74,26 @@ class _Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Survey:
+    """lacking: topic -> messages that the log's own statistics name and that were not there."""
+
     headers: Headers
     samples: Samples
     notices: tuple[str, ...]
+    lacking: dict[str, int]
 
 
 def take_survey(
     container: Container,
     cloud_topics: tuple[str, ...],
     others: tuple[str, ...],
+    heads: tuple[str, ...],
     window: Window,
     progress: Progress | None,
 ) -> Survey:
     """Reads tf, poses and the headers of the clouds; messages that cannot be decoded are counted.
 
-    others: topics of transforms and poses; of those that hold for all time, all that is there.
+    others: topics of transforms and poses; of those that hold for all time, all that is there. heads: cloud
+    topics of which only the heads are read, so that damage behind these is not found.
     """
     static = tuple(name for name in others if is_static_topic(name))
     moving = tuple(name for name in others if name not in static)
@@ -110,8 +115,7 @@ def take_survey(
             _add_other(samples, topic, raw, broken)
             advance()
 
-    whole = tuple(t.name for t in container.topics if t.name in cloud_topics and not _by_its_head(t))
-    heads = tuple(name for name in cloud_topics if name not in whole)
+    whole = tuple(name for name in cloud_topics if name not in heads)
     if window == Window():
         messages = container.heads(heads, (*whole, *others), None, None)
     else:
@@ -127,8 +131,8 @@ def take_survey(
         else:
             _add_other(samples, topic, raw, broken)
         advance()
-    notices = _notices(expected if window == Window() else read, read, broken)
-    return Survey(_headers(clouds), samples, notices)
+    known = expected if window == Window() else read
+    return Survey(_headers(clouds), samples, _notices(known, read, broken), dict(known - read))
 
 
 def read_samples(path: Path, topic: str, window: Window) -> Samples:
@@ -149,10 +153,6 @@ def ranked(messages: Iterator[tuple[Topic, int, Raw]]) -> Iterator[tuple[Topic, 
         rank = before[1] + 1 if before is not None and before[0] == time else 0
         last[topic.name] = time, rank
         yield topic, time, rank, raw
-
-
-def _by_its_head(topic: Topic) -> bool:
-    return head_suffices(topic) and role_of(topic) == "cloud"
 
 
 def _add_other(samples: Samples, topic: Topic, raw: Raw, broken: Counter[str]) -> None:
@@ -204,7 +204,7 @@ def _headers(clouds: _Rows) -> Headers:
 def _notices(expected: Counter[str], read: Counter[str], broken: Counter[str]) -> tuple[str, ...]:
     notices = []
     for name in sorted(expected):
-        if read[name] != expected[name]:
+        if read[name] > expected[name]:
             notices.append(
                 f"{name}: {read[name]} messages read, the log's own statistics say {expected[name]}"
             )

@@ -48,6 +48,7 @@ class Edge:
     """Samples of parent<-child, sorted by stamp, one per stamp. A fixed edge has one and holds for all time.
 
     source: where it comes from, for error lines: a topic's name or `log.transforms`.
+    covariances: (n, 6, 6) of the samples as ROS has them, NaN where one says nothing; None where none does.
     """
 
     parent: str
@@ -56,6 +57,7 @@ class Edge:
     stamps: Stamps
     samples: Transforms
     source: str
+    covariances: FloatArray | None = None
 
     @property
     def is_static(self) -> bool:
