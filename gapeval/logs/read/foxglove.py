@@ -90,7 +90,7 @@ def transforms(topic: Topic, raw: Raw) -> list[StampedTransform]:
             StampedTransform(
                 stamp=_stamp(_given(item, "timestamp")),
                 parent=frame_of(_text(item, "parent_frame_id")),
-                child=frame_of(_text(item, "child_frame_id")),
+                child=frame_of(_named(item, "child_frame_id")),
                 values=_values(getattr(item, "translation", None), getattr(item, "rotation", None)),
             )
             for item in items
@@ -187,6 +187,14 @@ def _text(message: Any, name: str) -> str:
     if not isinstance(value, str):
         raise TypeError(f"its {name} is no text")
     return value
+
+
+def _named(message: Any, name: str) -> str:
+    """A text that must not be empty."""
+    text = _text(message, name)
+    if not text:
+        raise ValueError(f"it has no {name}")
+    return text
 
 
 def _column(message: Any, name: str) -> FloatArray:

@@ -101,10 +101,11 @@ def _numbers(path: Path, number: int, words: Sequence[str], count: int) -> Float
 
 
 def _tum_pose(path: Path, number: int, words: list[str]) -> StampedPose:
+    stamp = nanoseconds(path, number, words[0])
     values = _numbers(path, number, words, TUM)[1:]
     if not values[3:].any():
         raise LogError(f"{path}: line {number} has a quaternion of zeros; it must be x y z qx qy qz qw")
-    return StampedPose(nanoseconds(path, number, words[0]), PARENT, "", tuple(values.tolist()))
+    return StampedPose(stamp, PARENT, "", tuple(values.tolist()))
 
 
 def _matrix(path: Path, number: int, words: Sequence[str]) -> FloatArray:

@@ -108,6 +108,8 @@ def build_tree(
         is_lone = topic in foreign and len(rows.stamps) == 1 and not is_static_topic(topic)
         holds: Holds = "always" if is_lone or is_static_topic(topic) else "at its stamps"
         edge = make_edge(parent, child, holds, rows.values, rows.stamps, topic)
+        if is_lone:
+            notices.append(f"{edge.name} is said once on {topic}, so it is taken to hold for all time")
         if (parent, child) in edges:
             notices.append(f"{edge.name} is on {edges[parent, child].source} and on {topic}; {topic} is used")
         edges[parent, child] = edge
