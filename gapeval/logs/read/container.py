@@ -70,8 +70,8 @@ class Container:
     messages: (topic names, start, stop) -> messages with start <= bag time < stop, in the order of their bag
     times, ties always in the same order. Raises LogError where the file turns out to be damaged beyond use.
     heads: (topic names of which heads suffice, topic names that are needed whole, start, stop) -> the same
-    messages in the same order; of the former only the first HEAD bytes need be there, so that a message
-    shorter than HEAD comes whole. A checksum over more than what is read is not looked at.
+    messages in the same order; of the former only the first HEAD bytes need be there, so a message shorter
+    than HEAD comes whole. A checksum over more than what is read is not looked at.
     losses: what cannot be read, each once; grows while messages are read.
     """
 
@@ -133,6 +133,11 @@ def ros2_type(name: str) -> str:
 def ros1_type(name: str) -> str:
     """The short spelling that both ROS 1 users and error lines use: `sensor_msgs/PointCloud2`."""
     return name.replace("/msg/", "/")
+
+
+def printable(name: str) -> str:
+    """A name out of a file as it may stand in a line: damaged ones hold anything, line breaks too."""
+    return name if name.isprintable() else "".join(c if c.isprintable() else "\ufffd" for c in name)
 
 
 def merged_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:

@@ -226,12 +226,11 @@ def _frame(recording: Recording, index: int, parts: list[Decoded]) -> Frame | Re
             clouds.append(moved(points, times, sources.times[member], knots).astype(np.float32))
         ends = [knots.at(knot) for knot in range(len(knots))]
         digests.append(scan_digest(int(sources.stamps[member]), points, (*ends, sensor, pose)))
-    points = np.concatenate(clouds) if clouds else np.empty((0, 3), dtype=np.float32)
-    if not len(points):
+    if not any(len(points) for points in clouds):
         return RefusedScan(stamp, NO_POINT)
     return Frame(
         stamp=stamp,
-        points=points,
+        points=clouds[0] if len(clouds) == 1 else np.concatenate(clouds),
         sensor=sensor,
         lowest_elevation=recording.lowest_elevations[int(sources.topics[main])],
         pose=pose,
