@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from gapeval.config import BlindBelow, BodyBox, FieldOfView, Sensor
-from gapeval.frame import FloatArray, Frame, Plane, Transform, sensor_angles, upright
+from gapeval.frame import FloatArray, Frame, Plane, Transform, Viewpoint, sensor_angles, upright
 
 AZIMUTH_STEP = np.deg2rad(0.5)  # of shadows, and of the outline of what a sensor sees
 BINS = 720  # around
@@ -27,11 +27,20 @@ def without_body(points: NDArray[np.float32], body: BodyBox | None) -> NDArray[n
     return others
 
 
-def lowest_ray(sensor: Sensor, frame: Frame) -> float:
-    """Elevation [rad, sensor frame] below which the sensor sees nothing."""
+def lowest_ray(sensor: Sensor, source: Frame | Viewpoint) -> float:
+    """Elevation [rad, sensor frame] below which the sensor of a frame, or another viewpoint, sees nothing."""
     if isinstance(sensor.blind_zone, BlindBelow):
         return sensor.blind_zone.below
-    return frame.lowest_elevation if sensor.blind_zone == "auto" else -np.pi / 2
+    return source.lowest_elevation if sensor.blind_zone == "auto" else -np.pi / 2
+
+
+def other_viewpoints(sensor: Sensor, frame: Frame, plane: Plane) -> tuple[Viewpoint, ...]:
+    """Those of a frame beside its sensor, with the lowest rays that count; from below, none sees a plane."""
+    return tuple(
+        Viewpoint(view.mount, lowest_ray(sensor, view))
+        for view in frame.others
+        if plane.distance(view.mount.translation) > 0
+    )
 
 
 def in_box(places: FloatArray, x_min: float, origin: tuple[float, float], r_max: float) -> NDArray[np.bool_]:
@@ -53,7 +62,7 @@ def looked_at(
     return seen
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=64)  # more than viewpoints of a frame, so that the sensor's own stays
 def domain(
     x_min: float,
     r_max: float,

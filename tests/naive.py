@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from functools import lru_cache
 
+import numpy as np
+import shapely
+
 from gapeval.config import BodyBox, Detector, FieldOfView
 
 Place = tuple[float, float]
@@ -20,8 +23,13 @@ Image = list[list[bool]]
 
 SMALLEST_ROW = 1e-6  # m
 TOO_CLOSE = 1e-9
+TOO_CLOSE_IN_BINS = 1e-6
 # The box in z is compared in the points' own precision, which is float32.
 TOO_CLOSE_IN_Z = 1e-6
+
+
+class DoubtfulError(Exception):
+    """Rounding decides what is hidden from another viewpoint."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,7 @@ class Scene:
     lowest: float = -math.pi / 2
     fov: FieldOfView | None = None
     body: BodyBox | None = None
+    others: tuple[tuple[Mount, float], ...] = ()  # other viewpoints, with their lowest rays
 
     @property
     def pole(self) -> Place:
@@ -86,6 +95,8 @@ def detect(scene: Scene, points: Iterable[Point]) -> Marks:
         elif t > scene.params.pl_th:
             obstacle[row][column] = True
     shaded = shade(obstacle)
+    if scene.others:
+        shaded = shade_from_all(scene, ground, obstacle, shaded)
     seen = cells_seen(scene)
     unmarked = [
         [not (ground[row][column] or shaded[row][column]) for column in range(columns)] for row in range(rows)
@@ -174,6 +185,85 @@ def shade(obstacle: Image) -> Image:
     return shaded
 
 
+def shade_from_all(scene: Scene, ground: Image, obstacle: Image, shaded: Image) -> Image:
+    """A cell in which neither an obstacle nor ground was seen is shaded if an obstacle stands before it for
+    each viewpoint that looks there. What nobody looks at stays as it is.
+    """
+    rows, columns = len(shaded), len(shaded[0])
+    edges = radii(scene, rows)
+    away = [math.dist(mount.translation[:2], scene.pole) for mount, _ in scene.others]
+    known = bisect_right(edges, max(scene.params.r_max, *away))
+    standing = [
+        shapely.Polygon(quadrilateral(scene, (row, column)))
+        for row in range(min(known, rows))
+        for column in range(columns)
+        if obstacle[row][column]
+    ]
+    empty = [
+        (row, column)
+        for row in range(rows)
+        for column in range(columns)
+        if not (ground[row][column] or obstacle[row][column])
+    ]
+    hidden: dict[Cell, list[bool]] = {cell: [] for cell in empty}
+    for row, column in empty:
+        if looks_at(scene, scene.mount, scene.lowest, midpoint(scene, edges, (row, column))):
+            hidden[row, column].append(shaded[row][column])
+    for mount, lowest in scene.others:
+        places = {cell: midpoint(scene, edges, cell) for cell in empty}
+        seen = [cell for cell in empty if looks_at(scene, mount, lowest, places[cell])]
+        if distance(scene, mount.translation) > 0 and seen:
+            behind = stands_before(scene, mount.translation[:2], [places[cell] for cell in seen], standing)
+            for cell, value in zip(seen, behind, strict=True):
+                hidden[cell].append(value)
+    marks = [list(row) for row in shaded]
+    for (row, column), values in hidden.items():
+        if values:
+            marks[row][column] = all(values)
+    return marks
+
+
+def stands_before(
+    scene: Scene, origin: Place, places: Sequence[Place], standing: Sequence[shapely.Polygon]
+) -> list[bool]:
+    """Of each place: whether a cell that reaches into its bin has its nearest point nearer than the place.
+
+    Raises DoubtfulError.
+    """
+    view = shapely.Point(origin)
+    if any(shapely.distance(cell.boundary, view) < TOO_CLOSE for cell in standing):
+        raise DoubtfulError
+    outside = np.array([cell for cell in standing if not shapely.contains(cell, view)], dtype=object)
+    step = 2 * math.pi / max(720, 4 * scene.params.width)
+    directions = [math.atan2(y - origin[1], x - origin[0]) / step for x, y in places]
+    if any(abs(direction - round(direction)) < TOO_CLOSE_IN_BINS for direction in directions):
+        raise DoubtfulError
+    sides = [(math.floor(direction) * step, math.ceil(direction) * step) for direction in directions]
+    ends = [[(origin[0] + 99 * math.cos(a), origin[1] + 99 * math.sin(a)) for a in pair] for pair in sides]
+    bins = np.array([shapely.Polygon([origin, *pair]) for pair in ends], dtype=object)
+    behind = [False] * len(places)
+    for place, cell in shapely.STRtree(outside).query(bins, "dwithin", TOO_CLOSE).T.tolist():
+        if shapely.area(shapely.intersection(bins[place], outside[cell])) < 1e-12:
+            raise DoubtfulError
+        ahead = math.dist(origin, places[place]) - shapely.distance(outside[cell], view)
+        if abs(ahead) < TOO_CLOSE:
+            raise DoubtfulError
+        behind[place] = behind[place] or ahead > 0
+    return behind
+
+
+def looks_at(scene: Scene, mount: Mount, lowest: float, place: Place) -> bool:
+    """Whether a sensor there looks at the plane at a place."""
+    elevation, azimuth = looking(scene, mount, place)
+    if elevation < lowest:
+        return False
+    if scene.fov is None:
+        return True
+    low, high = scene.fov.elevation
+    left, right = scene.fov.azimuth
+    return low <= elevation <= high and left <= azimuth <= right
+
+
 def opening(image: Image, n_o: int, kernel: str) -> Image:
     for _ in range(n_o):
         image = filtered(image, kernel, keep_if=all)
@@ -203,7 +293,7 @@ def midpoint(scene: Scene, edges: Sequence[float], cell: Cell) -> Place:
 
 def quadrilateral(scene: Scene, cell: Cell) -> list[Place]:
     """The cell's four corners [m]."""
-    edges = radii(scene, scene.rows)
+    edges = radii(scene, max(scene.rows, cell[0] + 1))
     corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
     outline = [
         (edges[cell[0] + i], (cell[1] + j) * math.pi / scene.params.width - math.pi / 2) for i, j in corners
@@ -227,24 +317,18 @@ def is_seen(scene: Scene, place: Place) -> bool:
     """In the box, and not outside of what the sensor looks at."""
     if place[0] < scene.params.x_min:
         return False
-    elevation, azimuth = looking(scene, place)
-    if elevation < scene.lowest:
-        return False
-    if scene.fov is None:
-        return True
-    low, high = scene.fov.elevation
-    left, right = scene.fov.azimuth
-    return low <= elevation <= high and left <= azimuth <= right
+    above = [view for view in scene.others if distance(scene, view[0].translation) > 0]
+    return any(looks_at(scene, *view, place) for view in [(scene.mount, scene.lowest), *above])
 
 
-def looking(scene: Scene, place: Place) -> tuple[float, float]:
+def looking(scene: Scene, mount: Mount, place: Place) -> tuple[float, float]:
     """Elevation and azimuth [rad] of the plane at a place, in the sensor frame; for a sensor that hangs
     upside down, elevation is nevertheless positive upwards."""
     a, b, c, d = scene.plane
     ground = (place[0], place[1], -(a * place[0] + b * place[1] + d) / c)
-    offset = [g - t for g, t in zip(ground, scene.mount.translation, strict=True)]
-    x, y, z = rotated_back(scene.mount.quaternion, offset)
-    qx, qy = scene.mount.quaternion[:2]
+    offset = [g - t for g, t in zip(ground, mount.translation, strict=True)]
+    x, y, z = rotated_back(mount.quaternion, offset)
+    qx, qy = mount.quaternion[:2]
     hangs = qx * qx + qy * qy > 0.5  # 1 - 2 (qx qx + qy qy) is how far the sensor's z axis points up
     return math.atan2(-z if hangs else z, math.sqrt(x * x + y * y)), math.atan2(y, x)
 
@@ -310,11 +394,14 @@ def is_doubtful(scene: Scene, edges: Sequence[float], point: Point) -> bool:
 
 def has_doubtful_cells(scene: Scene) -> bool:
     """Whether rounding decides about the midpoint of any cell."""
-    edges = radii(scene, scene.rows)
+    rows, columns = scene.rows, scene.params.width
+    if scene.others:  # who looks where decides about cells beyond the box, too
+        rows, columns = rows + margin(scene), 2 * columns
+    edges = radii(scene, rows)
     return any(
         is_doubtful_place(scene, midpoint(scene, edges, (row, column)))
-        for row in range(scene.rows)
-        for column in range(scene.params.width)
+        for row in range(rows)
+        for column in range(columns)
     )
 
 
@@ -322,8 +409,12 @@ def is_doubtful_place(scene: Scene, place: Place) -> bool:
     # A pole at x_min exactly is no matter of rounding: all cells are in front of it.
     if scene.pole[0] != scene.params.x_min and abs(place[0] - scene.params.x_min) < TOO_CLOSE:
         return True
-    elevation, azimuth = looking(scene, place)
-    limits = [] if scene.lowest <= -math.pi / 2 else [scene.lowest]
+    return any(is_doubtful_view(scene, *view, place) for view in [(scene.mount, scene.lowest), *scene.others])
+
+
+def is_doubtful_view(scene: Scene, mount: Mount, lowest: float, place: Place) -> bool:
+    elevation, azimuth = looking(scene, mount, place)
+    limits = [] if lowest <= -math.pi / 2 else [lowest]
     if any(abs(elevation - limit) < TOO_CLOSE for limit in limits):
         return True
     if scene.fov is None:

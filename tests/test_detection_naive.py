@@ -14,7 +14,7 @@ from gapeval.config import BlindBelow, BodyBox, Configuration, Detector, FieldOf
 from gapeval.detection import detect, detect_each
 from gapeval.detection.grid import polar_grid, row_edges
 from gapeval.detection.plane import PlaneFit, supporting_plane
-from gapeval.frame import Frame, Plane, Transform
+from gapeval.frame import Frame, Plane, Transform, Viewpoint
 from gapeval.share import Share
 
 QUICK = settings(
@@ -39,14 +39,14 @@ def between(low, high):
     return st.floats(low, high, allow_nan=False, allow_subnormal=False)
 
 
+SIZES = st.one_of(
+    st.sampled_from([(17, 17), (9, 9), (5, 5)]), st.tuples(st.integers(2, 24), st.integers(2, 24))
+)
+
+
 @st.composite
-def detectors(draw):
-    height, width = draw(
-        st.one_of(
-            st.sampled_from([(17, 17), (9, 9), (5, 5)]),
-            st.tuples(st.integers(2, 24), st.integers(2, 24)),
-        )
-    )
+def detectors(draw, sizes=SIZES):
+    height, width = draw(sizes)
     return Detector(
         i_height=height,
         i_width=width,
@@ -95,7 +95,7 @@ def planes():
 
 
 @st.composite
-def scenes(draw):
+def scenes(draw, sizes=SIZES):
     low = draw(st.one_of(st.just(-math.pi / 2), between(-1.2, -0.3)))
     fov = draw(
         st.one_of(
@@ -110,7 +110,7 @@ def scenes(draw):
         )
     )
     body = draw(st.sampled_from([None, BodyBox(x=(-0.4, 0.5), y=(-0.3, 0.3), z=(-0.2, 0.6))]))
-    return naive.Scene(draw(detectors()), draw(planes()), draw(mounts()), low, fov, body)
+    return naive.Scene(draw(detectors(sizes)), draw(planes()), draw(mounts()), low, fov, body)
 
 
 def cloud(scene, seed, share_of_cells, obstacles):
@@ -141,8 +141,12 @@ def cloud(scene, seed, share_of_cells, obstacles):
 
 
 def frame_of(scene, points):
-    mount = Transform(np.array(scene.mount.translation), np.array(scene.mount.quaternion))
-    return Frame(0, points, mount, scene.lowest)
+    others = tuple(Viewpoint(transform(mount), lowest) for mount, lowest in scene.others)
+    return Frame(0, points, transform(scene.mount), scene.lowest, others=others)
+
+
+def transform(mount):
+    return Transform(np.array(mount.translation), np.array(mount.quaternion))
 
 
 def configuration_of(scene):
@@ -231,6 +235,36 @@ def test_detector_is_the_naive_one_where_the_power_overflows(scene, seed, share_
         detect_each(frame_of(scene, points), [configuration_of(scene)], on(Plane(*scene.plane)))[0],
         points,
     )
+
+
+SMALL = st.tuples(st.integers(2, 11), st.integers(2, 9))
+
+
+@st.composite
+def viewpoints(draw):
+    """Of another scan or sensor: in, behind or beside the box, sometimes below the plane."""
+    mount = draw(mounts())
+    x, y, z = mount.translation
+    moved = draw(st.tuples(between(-3, 3), between(-3, 3), st.sampled_from([0.0, 0.3, -1.5])))
+    mount = naive.Mount((x + moved[0], y + moved[1], z + moved[2]), mount.quaternion)
+    return mount, draw(st.one_of(st.just(-math.pi / 2), between(-1.2, -0.3)))
+
+
+@settings(QUICK, max_examples=150)
+@given(
+    scenes(), st.lists(viewpoints(), min_size=1, max_size=3), seeds, shares, st.sampled_from([0.005, 0.02])
+)
+def test_detector_from_several_viewpoints_is_the_naive_one(
+    scene, others, seed, share_of_cells, obstacle_share
+):
+    scene = replace(scene, others=tuple(others))
+    assume(not naive.has_doubtful_cells(scene))
+    points = cloud(scene, seed, share_of_cells, obstacle_share)
+    (found,) = detect_each(frame_of(scene, points), [configuration_of(scene)], on(Plane(*scene.plane)))
+    try:
+        compare(scene, found, points)
+    except naive.DoubtfulError:
+        assume(False)
 
 
 @QUICK

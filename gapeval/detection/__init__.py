@@ -11,20 +11,24 @@ from gapeval.detection.contours import Gap, Gaps, find_contours
 from gapeval.detection.grid import CACHED_GRIDS, PolarGrid, midpoints, polar_grid, row_edges
 from gapeval.detection.plane import PlaneFit, supporting_plane
 from gapeval.detection.surface import (
+    BoolArray,
     CellTable,
     Mask,
     Reach,
     Surface,
+    all_around,
     binary_image,
     cell_table,
+    highest_around,
     morphology,
     polar_points,
     reach_of,
     surface,
 )
+from gapeval.detection.viewpoints import Elsewhere, Sight, circle, elsewhere, rows_around
 from gapeval.frame import Frame, Plane, Transform
 from gapeval.share import Share
-from gapeval.visibility import in_box, looked_at, lowest_ray
+from gapeval.visibility import in_box, looked_at, lowest_ray, other_viewpoints
 
 __all__ = ["Detection", "Gap", "Gaps", "PolarGrid", "Surface", "detect", "detect_each"]
 
@@ -59,6 +63,7 @@ class Binned:
 
     fit: PlaneFit
     table: CellTable
+    elsewhere: Elsewhere | None
     seen: Mask
 
 
@@ -74,6 +79,8 @@ def detect_each(frame: Frame, configurations: Sequence[Configuration], share: Sh
     margin = max(2 * configuration.detector.n_o for configuration in configurations)
     grids = [share(polar_grid, *shape(frame, configuration.detector)) for configuration in configurations]
     reach = reach_of(dict.fromkeys(grids), margin)
+    if frame.others:
+        reach = all_around(reach, max(circle(grid, frame.others) for grid in grids))
     binned: dict[tuple[PolarGrid, Box, Robot, Sensor], Binned] = {}
     marked = []
     for configuration, grid in zip(configurations, grids, strict=True):
@@ -104,12 +111,21 @@ def bin_points(
     points = share(polar_points, frame, grid.origin, fit.plane, box.z_min, box.z_max, robot.body, reach)
     table = share(cell_table, points, grid, margin)
     seen = share(cells_seen, grid, fit.plane, frame.sensor, box.x_min, lowest, sensor.fov)
-    return Binned(fit, table, seen)
+    sight = Sight(fit.plane, frame.sensor, lowest, other_viewpoints(sensor, frame, fit.plane), sensor.fov)
+    if not sight.others:
+        return Binned(fit, table, None, seen)
+    around = share(highest_around, points, grid, rows_around(grid, sight.others))
+    return Binned(
+        fit,
+        table,
+        share(elsewhere, around, margin, sight),
+        share(also_seen, grid, seen, box.x_min, sight),
+    )
 
 
 def mark(binned: Binned, params: Detector, share: Share) -> Surface:
     """Sections 3.1.1 and 3.1.2: from cells to the filtered image."""
-    image = share(binary_image, binned.table, params.pl_th)
+    image = share(binary_image, binned.table, binned.elsewhere, params.pl_th)
     gap = share(morphology, image, binned.seen, params.n_o, params.edge, params.kernel)
     return surface(binned.table.grid, image, binned.seen, gap)
 
@@ -139,7 +155,21 @@ def cells_seen(
     grid: PolarGrid, plane: Plane, mount: Transform, x_min: float, lowest: float, fov: FieldOfView | None
 ) -> Mask:
     """Cells (height - 1, width) of the box whose midpoint the sensor looks at; the rest can be no gap."""
-    places = midpoints(grid)
-    in_view = looked_at(places, plane, mount, lowest, fov)
+    return Mask(cells_in_box(grid, x_min) & looked_at(midpoints(grid), plane, mount, lowest, fov))
+
+
+def cells_in_box(grid: PolarGrid, x_min: float) -> BoolArray:
+    """Cells (height - 1, width) whose midpoint lies in the box, of rows that can be measured."""
     measurable = np.diff(row_edges(grid, grid.rows))[:, None] >= SMALLEST_ROW
-    return Mask(in_box(places, x_min, grid.origin, grid.r_max) & in_view & measurable)
+    return in_box(midpoints(grid), x_min, grid.origin, grid.r_max) & measurable
+
+
+def also_seen(grid: PolarGrid, seen: Mask, x_min: float, sight: Sight) -> Mask:
+    """Cells of the box that the sensor, or any other viewpoint, looks at."""
+    cells = seen.cells.copy()
+    for view in sight.others:
+        rest = np.nonzero(cells_in_box(grid, x_min) & ~cells)
+        cells[rest] = looked_at(
+            midpoints(grid)[rest], sight.plane, view.mount, view.lowest_elevation, sight.fov
+        )
+    return Mask(cells)

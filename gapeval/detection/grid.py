@@ -11,6 +11,7 @@ from gapeval.frame import FloatArray
 from gapeval.ragged import IndexArray
 
 CACHED_GRIDS = 64  # most sweeps have fewer resolutions than that
+FAR = 1e9  # m; with extreme delta_r the rows beyond the box go on for ever
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.config import BodyBox
-from gapeval.detection.grid import PolarGrid, columns_of, polar, row_edges, rows_of
+from gapeval.detection.grid import FAR, PolarGrid, columns_of, polar, row_edges, rows_of
+from gapeval.detection.viewpoints import Around, Elsewhere, hidden_from_all
 from gapeval.frame import FloatArray, Frame, Plane
+from gapeval.ragged import IndexArray
 from gapeval.visibility import without_body
 
 BoolArray = NDArray[np.bool_]
 
-FAR = 1e9  # m; with extreme delta_r the margin goes on for ever
 KERNELS = {
     "rect": cv2.getStructuringElement(cv2.MORPH_RECT, (3, 3)),
     "cross": cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)),
@@ -51,6 +52,11 @@ def reach_of(grids: Iterable[PolarGrid], margin: int) -> Reach:
         front = max(front, outermost)
         back = max(back, outermost * float(np.sin(min(margin * grid.theta_int, np.pi / 2))))
     return Reach(min(front, FAR), min(back, FAR))
+
+
+def all_around(reach: Reach, far: float) -> Reach:
+    """What covers a circle around the origin too [m]: what stands behind the grid hides from elsewhere."""
+    return Reach(max(reach.front, far), max(reach.back, far))
 
 
 def polar_points(
@@ -104,9 +110,7 @@ class CellTable:
 def cell_table(points: PolarPoints, grid: PolarGrid, margin: int) -> CellTable:
     """Bin the points once: Eqs. (3) and (4), `margin` rows beyond the box."""
     rows, columns = grid.rows + margin, 2 * grid.width
-    cell = rows_of(grid, points.r, rows)  # what lies beyond goes to one row more, which is left out
-    cell *= columns
-    cell += columns_of(grid, points.theta)
+    cell = _cells(points, grid, rows)
     least, highest = np.full((rows + 1) * columns, np.inf), np.full((rows + 1) * columns, -np.inf)
     np.minimum.at(least, cell, points.distance)
     np.maximum.at(highest, cell, points.t)
@@ -119,6 +123,22 @@ def cell_table(points: PolarPoints, grid: PolarGrid, margin: int) -> CellTable:
     )
 
 
+def highest_around(points: PolarPoints, grid: PolarGrid, rows: int) -> Around:
+    """So many rows of the full circle."""
+    columns = 2 * grid.width
+    highest = np.full((rows + 1) * columns, -np.inf)
+    np.maximum.at(highest, _cells(points, grid, rows), points.t)
+    return Around(grid, highest.reshape(rows + 1, columns)[:rows])
+
+
+def _cells(points: PolarPoints, grid: PolarGrid, rows: int) -> IndexArray:
+    """Where each point (N,) falls in a full circle; what lies beyond goes to one row more, to be left out."""
+    cell = rows_of(grid, points.r, rows)
+    cell *= 2 * grid.width
+    cell += columns_of(grid, points.theta)
+    return cell
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class BinaryImage:
     """Algorithm 1's marks.
@@ -126,7 +146,7 @@ class BinaryImage:
     gap: neither ground nor shaded, `margin` cells larger than the box on each side but the inner one:
     (height - 1 + margin, width + 2 margin).
     ground: a point on the supporting plane fell here. obstacle: a point above it did. shaded: at or behind
-    an obstacle along the ray. All (height - 1, width).
+    an obstacle along the ray, seen from wherever the cell is looked at. All (height - 1, width).
     """
 
     margin: int
@@ -136,10 +156,15 @@ class BinaryImage:
     shaded: BoolArray
 
 
-def binary_image(table: CellTable, pl_th: float) -> BinaryImage:
-    """Section 3.1.1: threshold the cells, then shade each column from its first obstacle outwards."""
+def binary_image(table: CellTable, elsewhere: Elsewhere | None, pl_th: float) -> BinaryImage:
+    """Section 3.1.1: threshold the cells, then shade each column from its first obstacle outwards.
+
+    elsewhere: what else looks at the cells, and may look behind an obstacle.
+    """
     ground, obstacle = table.least <= pl_th, table.highest > pl_th
     shaded = np.logical_or.accumulate(obstacle, axis=0)
+    if elsewhere is not None:
+        shaded = hidden_from_all(elsewhere, pl_th, ground, obstacle, shaded)
     marks = (within_box(mark, table.margin).copy() for mark in (ground, obstacle, shaded))
     return BinaryImage(table.margin, ~(ground | shaded), *marks)
 

@@ -21,6 +21,7 @@ class Topic:
     count: messages, by the log's own statistics.
     serialization: `ros1`, `cdr`, or what else the log says, such as `protobuf`.
     definition: text of the message definition, empty where the log has none; syntax: `msg`, `idl` or empty.
+    schema: what describes the messages of other encodings than ROS's own, as it stands in the log.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Topic:
     serialization: str
     definition: str = ""
     syntax: Literal["msg", "idl", ""] = ""
+    schema: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,14 @@ class Loss:
     messages: int | None = None
     start: int | None = None
     end: int | None = None
+
+    def __str__(self) -> str:
+        parts = [] if self.messages is None else [f"{self.messages} messages"]
+        parts += [] if self.bytes is None else [f"{self.bytes} bytes"]
+        if self.start is not None and self.end is not None:
+            parts.append(f"{(self.end - self.start) / 1e9:.1f} s at {self.start / 1e9:.3f}")
+        amount = f" ({', '.join(parts)})" if parts else ""
+        return f"{self.file}: {self.reason}{amount}"
 
 
 Message = tuple[Topic, int, Raw]
@@ -139,7 +149,7 @@ def merged_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:
         if known is None:
             merged[key] = topic
         else:
-            source = known if known.definition else topic
+            source = known if known.definition or known.schema else topic
             merged[key] = replace(source, count=known.count + topic.count)
     return tuple(merged[key] for key in sorted(merged))
 

@@ -83,4 +83,5 @@ def _topic(index: Index, channel: Channel) -> Topic:
         serialization=printable(channel.message_encoding),
         definition=schema.data.decode("utf-8", "replace") if syntax else "",
         syntax=syntax,
+        schema=schema.data if schema.encoding == "protobuf" else b"",
     )

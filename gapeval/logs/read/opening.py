@@ -6,22 +6,25 @@ from pathlib import Path
 
 from gapeval.errors import LogError
 from gapeval.logs.read import compression, mcap_index, ros1_index, ros1_records, sqlite_file
+from gapeval.logs.read.cloud_folder import is_cloud_folder, open_cloud_folder
 from gapeval.logs.read.container import Container, Loss, library_errors
 from gapeval.logs.read.losses import CUT_COMPRESSED
 from gapeval.logs.read.mcap_file import open_mcap_file
 from gapeval.logs.read.mcap_records import MAGIC as MCAP
 from gapeval.logs.read.raw_file import raw_file
 from gapeval.logs.read.ros1_bag import open_ros1_bag
-from gapeval.logs.read.rosbag2_folder import open_rosbag2_folder
+from gapeval.logs.read.rosbag2_folder import METADATA, open_rosbag2_folder
 from gapeval.logs.read.sqlite_file import open_sqlite_file
 
 MAGIC_LENGTH = 16
-KNOWN = "a ROS 1 bag, a rosbag2 folder, a .db3 or an MCAP file"
+KNOWN = "a ROS 1 bag, a rosbag2 folder, a .db3, an MCAP file or a folder of clouds"
 
 
 def open_container(path: Path) -> AbstractContextManager[Container]:
     """An open log. Raises LogError, in one line, for what is missing, no log, or damaged."""
     if path.is_dir():
+        if not (path / METADATA).exists() and is_cloud_folder(path):
+            return open_cloud_folder(path)
         return open_rosbag2_folder(path, open_file)
     return open_file(path)
 
