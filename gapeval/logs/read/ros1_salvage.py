@@ -15,9 +15,9 @@ from gapeval.logs.read.ros1_chunk import (
     chunk_content,
     cut_content,
     indexes_behind,
-    message_head_of,
     records,
 )
+from gapeval.logs.read.ros1_message import message_head_of
 from gapeval.logs.read.ros1_records import (
     FIRST,
     Chunk,
