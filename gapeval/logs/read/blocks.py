@@ -2,11 +2,11 @@
 
 import heapq
 from collections.abc import Callable, Collection, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from gapeval.errors import LogError
-from gapeval.logs.read.ahead import ahead
+from gapeval.logs.read.ahead import ahead, in_turn
 from gapeval.logs.read.compression import BombError, DamagedError
 from gapeval.logs.read.container import Loss, Message, Raw, Topic, library_errors
 from gapeval.logs.read.losses import BAD_MESSAGE, BOMB, INDEX_LIES, UNDESCRIBED, Losses
@@ -47,6 +47,7 @@ class BlockLog(Generic[Block]):
     was lost; read_heads: (block, numbers, those needed whole, low, high) -> the same with heads.
     unpack: a message as it was before it was compressed. walk: blocks and topics by the bytes alone, for when
     the index turns out to be wrong; is_walked: whether they are.
+    is_costly: whether threads are to read ahead.
     """
 
     file: RawFile
@@ -58,7 +59,8 @@ class BlockLog(Generic[Block]):
     read_heads: Callable[[Block, Collection[int], Collection[int], int, int], Read]
     unpack: Callable[[Raw], Raw]
     walk: Callable[[], tuple[list[Block], dict[int, Topic]]]
-    is_walked: bool = field(default=False)
+    is_walked: bool
+    is_costly: bool
 
     @property
     def start(self) -> int | None:
@@ -141,7 +143,8 @@ def _run(
     blocks = [b for b in log.blocks if b.end >= low and b.start < high and _holds(log, b, wanted)]
     blocks.sort(key=lambda block: (block.start, block.offset))
     heap: list[tuple[int, int, int, int, Raw]] = []
-    with ahead(lambda block: read(block, wanted.keys(), low, high), blocks) as loaded:
+    prepared = ahead if log.is_costly else in_turn
+    with prepared(lambda block: read(block, wanted.keys(), low, high), blocks) as loaded:
         for block, (found, losses) in loaded:
             for loss in losses:
                 log.losses.add(loss)

@@ -48,6 +48,7 @@ def open_mcap_file(path: Path) -> Iterator[Container]:
             unpack=decompressed,
             walk=lambda: _described(file, losses, walked(file, losses)),
             is_walked=index.is_walked,
+            is_costly=True,
         )
         yield Container(
             kind=KIND,

@@ -32,6 +32,7 @@ from gapeval.logs.read.sqlite_salvage import Described, Salvaged, read_payload, 
 KIND = "rosbag2 sqlite3"
 MAGIC = b"SQLite format 3\0"
 ADVICE = "record it again"
+CACHE = 16  # pages
 DAMAGED = "the database is damaged, so its pages were read one by one"
 
 Fetch = Callable[[int, int], Raw]  # rowid and length of a message -> its data, or as much as is needed of it
@@ -115,6 +116,8 @@ def _read_topics(
 ) -> tuple[Described, dict[int, int], int | None, int | None]:
     """What is described, messages by topic, first and last bag time [ns]."""
     described, counts = Described(), {}
+    # Each page is looked at once; to keep them costs more than to read them.
+    database.execute(f"PRAGMA cache_size = {CACHE}")
     for number, name, kind, serialization in database.execute(
         "SELECT id, name, type, serialization_format FROM topics"
     ):
