@@ -36,6 +36,7 @@ from gapeval.logs.read.content import (
     timed_cloud,
     transforms,
 )
+from gapeval.logs.read.laser import echoes
 
 ENCODINGS = ("protobuf", "json")
 TURN = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
@@ -134,6 +135,9 @@ def test_a_laser_scan(encoding):
     assert found.ranges.tolist() == [[1], [2], [3]]
     assert found.intensities.tolist() == [[7], [8], [9]]
     assert found.pose == Transform.of((0, 0, 0.3), TURN)
+    # Turned by a quarter, the middle beam looks along y.
+    points = echoes(found, LogSection().laser).points
+    np.testing.assert_allclose(points[1], [0, 2, 0.3], atol=1e-12)
     bare = laser_scan(*foxglove.topic_of(foxglove.scan(START, [4], 0.25, 0.25), encoding))
     assert (bare.pose, bare.intensities, bare.angle_increment) == (None, None, 0)
 
