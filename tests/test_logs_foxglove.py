@@ -83,8 +83,11 @@ def test_what_is_said_twice_holds_at_its_stamps(tmp_path, encoding):
 
 
 def test_single_transforms_and_poses(tmp_path, encoding):
-    """FrameTransform on a topic each; the robot's poses as PoseInFrame."""
-    messages = [("/mount/tf_static", START, foxglove.transform(START, "base_link", "lidar", (0, 0, 1)))]
+    """FrameTransform on topics of any name; the robot's poses as PoseInFrame."""
+    messages = [
+        ("/mount/tf_static", START, foxglove.transform(START, "base_link", "arm", (0, 0, 0.25))),
+        ("/arm/mount_tf_static", START, foxglove.transform(START, "arm", "lidar", (0, 0, 0.75))),
+    ]
     messages += [("/pose", s, foxglove.pose(s, "map", (i / 10, 0, 0))) for i, s in enumerate(stamps(12, -1))]
     messages += [("/lidar", stamp, foxglove.cloud(stamp, POINTS)) for stamp in stamps(10)]
     path = foxglove.write(tmp_path / "log.mcap", by_time(messages), encoding)
