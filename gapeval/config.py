@@ -71,8 +71,8 @@ class Detector(Section):
     """m, points higher than this above the robot frame's origin are dropped"""
     origin: Literal["sensor", "robot"] = "sensor"
     """where the polar grid is centred; see detector.md"""
-    plane: Literal["robot", "patch"] = "robot"
-    """supporting plane: z = robot.ground_z, or fitted to a patch in front of the robot"""
+    plane: Literal["robot", "patch", "gravity"] = "robot"
+    """supporting plane: z = robot.ground_z, fitted to a patch in front of the robot, or level"""
     patch: Patch = Patch()
     edge: Literal["data", "zero"] = "data"
     """what lies beyond the box when the image is opened: what the cloud says, or no gap; see detector.md"""

@@ -201,7 +201,7 @@ def test_times_in_json(time, stamp):
         ({"timestamp": 5}, "no known form"),
         ({"frame_id": 5}, "its frame_id is no text"),
         ({"pose": {"position": [1, 2, 3]}}, "has no x"),
-        ({"pose": {"position": {"x": math.nan}}}, "its pose is not finite"),
+        ({"pose": {"position": {"x": math.nan}}}, "its pose is no place"),
         ({"pose": {"position": {"x": "far"}}}, "could not convert"),
         ({"pose": None}, "it has no pose"),
     ],

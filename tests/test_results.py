@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from gapeval.config import Config, Configuration, CrossingRules, Detector, Domai
 from gapeval.detections import DetectedFrame, Detections, read_detections, write_detections
 from gapeval.errors import ConfigError, DetectionsError, GapevalError, LabelError
 from gapeval.files import whole_file
-from gapeval.frame import Frame, Transform, robot_plane
+from gapeval.frame import Frame, Transform, Viewpoint, robot_plane
 from gapeval.report.text import best_table, metrics_table, short
 from gapeval.results import tables
 from gapeval.results.from_detections import at_labelled_stamps, score_detections
@@ -24,7 +25,7 @@ from gapeval.results.tables import Point, cell, point
 from gapeval.scoring.label_score import LabelScore
 from gapeval.scoring.match import score
 from gapeval.scoring.metrics import METRICS, SUMS, WITHOUT_LABELS, figures
-from gapeval.scoring.scene import View, common_domain, scene
+from gapeval.scoring.scene import View, common_domain, common_plane, scene
 from gapeval.sweep.evaluation import Answers, GapAnswer, Question, detected, evaluate, rescored
 
 FILES = (
@@ -603,14 +604,20 @@ def field_with_a_hole(stamp=5):
     )
 
 
-@pytest.mark.parametrize("plane", ["robot", "patch"])
-def test_detect_then_score_is_exactly_what_sweep_gives(tmp_path, plane):
+UP = (0.02, -0.03, math.sqrt(1 - 0.02**2 - 0.03**2))
+ELSEWHERE = Viewpoint(Transform.of([-0.6, 0.8, 0.7], [0, 0, 0, 1]), -1.2)
+
+
+@pytest.mark.parametrize("others", [(), (ELSEWHERE,)])
+@pytest.mark.parametrize("plane", ["robot", "patch", "gravity"])
+def test_detect_then_score_is_exactly_what_sweep_gives(tmp_path, plane, others):
     chosen = Configuration(detector=Detector(plane=plane))
-    rules, frame = Scoring(), field_with_a_hole()
+    rules, frame = Scoring(), replace(field_with_a_hole(), others=others, up=UP)
     drawn = label("hole", box(1.5, -0.8, 2.1, 0.8), traversable=True, length=0.6, crossing_yaw=0.0)
     other = label("behind the wall", box(1.4, 1.8, 1.9, 2.2))
     labels = label_file(drawn, other)
-    question = Question((chosen,), rules, *common_domain([chosen], rules))
+    where = common_domain([chosen], rules)
+    question = Question((chosen,), rules, *where, plane=common_plane([chosen]))
     swept, _ = evaluate(frame, question, labels, "base_link")
     path = tmp_path / "d.geojson"
     with path.open("w") as file:

@@ -30,7 +30,7 @@ from gapeval.config import (
 from gapeval.detection import detect_each
 from gapeval.detection.grid import cell_polygons, cells, corners
 from gapeval.detections import METHODS
-from gapeval.frame import Frame, Transform
+from gapeval.frame import Frame, Transform, Viewpoint
 from gapeval.labels import Label
 from gapeval.scoring.metrics import SUMS
 from gapeval.scoring.scene import common_domain
@@ -59,7 +59,7 @@ VALUES = {
     "detector.z_min": [math.inf, 0.4],
     "detector.z_max": [2.0, 0.3],
     "detector.origin": ["sensor", "robot"],
-    "detector.plane": ["robot", "patch"],
+    "detector.plane": ["robot", "patch", "gravity"],
     "detector.edge": ["data", "zero"],
     "detector.kernel": ["rect", "cross"],
     "crossing.d_r": [2.0, None, 0.8],
@@ -120,6 +120,18 @@ def grid_of(rng):
     return [found[place] for place in rng.permutation(len(found))]
 
 
+def viewpoints(rng, frame):
+    """None, or up to three of other places, also beyond the box."""
+    moved = rng.uniform((-4, -4, 0), (4, 4, 0), (one_of(rng, 0, 0, 1, 3), 3))
+    return tuple(
+        Viewpoint(
+            Transform.of(frame.sensor.translation + offset, frame.sensor.quaternion),
+            float(rng.choice([-math.pi / 2, -1.2, -0.9])),
+        )
+        for offset in moved
+    )
+
+
 def some_places(rng, values):
     return rng.permutation(len(values))[:2].tolist()
 
@@ -163,6 +175,7 @@ def world_of(seed):
     pose = Transform.of((*rng.uniform(-20, 20, 2), 0.3), turned(*rng.normal(0, 0.01, 2), rng.uniform(-3, 3)))
     lowest = float(rng.choice([-math.pi / 2, -1.2, -0.9]))
     frame = Frame(STAMP, points, Transform.of(place, turned(roll, pitch, yaw)), lowest, pose)
+    frame = replace(frame, others=viewpoints(rng, frame), up=one_of(rng, None, (0.05, -0.1, 0.9937303457)))
 
     labels = []
     for index, region in enumerate(regions):

@@ -9,10 +9,12 @@ from gapeval.config import BodyBox, Patch
 from gapeval.frame import FloatArray, Frame, Plane, robot_plane
 from gapeval.visibility import without_body
 
+MOST_TILTED = 0.5  # cosine of 60 degrees, against gravity
+
 
 @dataclass(frozen=True, slots=True)
 class PlaneFit:
-    """The plane that is used, and why it is not the patch's; empty if it is, or if none was asked for."""
+    """The plane that is used, and why it is not the one that was asked for; empty if it is."""
 
     plane: Plane
     fallback: str = ""
@@ -21,10 +23,26 @@ class PlaneFit:
 def supporting_plane(
     frame: Frame, kind: str, patch: Patch, x_min: float, ground_z: float, body: BodyBox | None = None
 ) -> PlaneFit:
-    """Section 3.1.1: the plane that carries the robot, `plane: robot` or `plane: patch`."""
+    """Section 3.1.1: the plane that carries the robot, `plane: robot`, `patch` or `gravity`."""
+    if kind == "gravity":
+        return gravity_plane(frame.up, ground_z)
     if kind == "patch":
         return patch_plane(without_body(frame.points, body), patch, x_min, ground_z)
     return PlaneFit(robot_plane(ground_z))
+
+
+def gravity_plane(up: tuple[float, float, float] | None, ground_z: float) -> PlaneFit:
+    """`plane: gravity`: the level plane through (0, 0, ground_z) of the robot frame.
+
+    up: unit vector against gravity, robot frame. Falls back to the robot's plane without any, or where the
+    robot would lie on its side.
+    """
+    if up is None:
+        return PlaneFit(robot_plane(ground_z), "no orientation")
+    if up[2] < MOST_TILTED:
+        return PlaneFit(robot_plane(ground_z), "tilted too much")
+    a, b, c = up
+    return PlaneFit(Plane(a, b, c, -(c * ground_z)))
 
 
 def patch_plane(points: NDArray[np.float32], patch: Patch, x_min: float, ground_z: float) -> PlaneFit:

@@ -28,7 +28,7 @@ from gapeval.results.parts import (
 )
 from gapeval.results.store import Store, open_store
 from gapeval.results.tables import point
-from gapeval.scoring.scene import common_domain
+from gapeval.scoring.scene import common_domain, common_plane
 from gapeval.sweep.evaluation import Question
 from gapeval.sweep.executor import Finished, Workers, results
 from gapeval.sweep.grid import configurations
@@ -105,7 +105,8 @@ def plan(
     for recording, drawn in zip(recordings, each, strict=False):
         require_frames(drawn, recording.robot_frame, recording.fixed_frame)
     found = configurations(config)
-    question = Question(found, config.scoring, *common_domain(found, config.scoring), keep_gaps)
+    box = common_domain(found, config.scoring)
+    question = Question(found, config.scoring, *box, keep_gaps, common_plane(found))
     called = tuple(names) or log_names([recording.path for recording in recordings])
     task = Task(tuple(recordings), called, tuple(each) or (None,) * len(recordings), question)
     return Sweep(config, tuple(labels), task)
@@ -252,9 +253,13 @@ def log_names(paths: Iterable[Path]) -> tuple[str, ...]:
 
 
 def _scoring(sweep: Sweep) -> dict[str, Any]:
-    """How gaps are compared with labels: as configured, with the domain that the grid leads to."""
+    """How gaps are compared with labels: as configured, with domain and plane that the grid leads to.
+
+    The plane is named only if it is not the robot's.
+    """
     question = sweep.task.question
     used = {"domain": question.domain.model_dump(mode="json"), "origin": question.origin}
+    used |= {"plane": question.plane} if question.plane != "robot" else {}
     return sweep.config.scoring.model_dump(mode="json") | used
 
 

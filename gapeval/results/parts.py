@@ -131,7 +131,7 @@ def keys(task: Task, config: Config, log_digests: Sequence[str]) -> tuple[str, .
             "stamps": hashlib.sha256(recording.scans.stamps.tobytes()).hexdigest(),
             "labels": None if labels is None else labels.sha256,
             "scoring": json.loads(config.scoring.model_dump_json(exclude={"block"})),
-            "domain": [task.question.domain.model_dump(), task.question.origin],
+            "domain": [task.question.domain.model_dump(), task.question.origin, task.question.plane],
             "scorer": SCORER,
             "code": code(),
         }

@@ -64,7 +64,7 @@ def meanings() -> dict[str, str]:
         "configuration": "12 hex digits over the parameters; `foreign` for a file that does not name any",
         "stamp": "ns, of the cloud",
         "best": "`true` for the best configuration of the log, chosen on these data; see scoring.md",
-        "plane_fallback": "why `plane: patch` fell back: too few points, tilted too much, too far off",
+        "plane_fallback": "why the plane is the robot's though another was asked for; see detector.md",
         "label": "the label's id",
         "state": "`visible`, `partly`, `shadowed` or `out_of_view`",
         "range": "m, along the ground, from below the sensor to the nearest visible point of the label",

@@ -13,7 +13,7 @@ from gapeval.files import whole_file
 from gapeval.frame import Frame
 from gapeval.logs.read import Recording, read_frames
 from gapeval.results.manifest import LogTally
-from gapeval.scoring.scene import common_domain
+from gapeval.scoring.scene import common_domain, common_plane
 from gapeval.sweep.evaluation import Question, detected
 from gapeval.sweep.executor import one_thread
 from gapeval.sweep.grid import the_one
@@ -62,7 +62,8 @@ def detect_log(config: Config, recording: Recording, output: Path, advance: Call
     one_thread()
     chosen = the_one(config)
     check_replaceable(output)
-    question = Question((chosen,), config.scoring, *common_domain([chosen], config.scoring))
+    box = common_domain([chosen], config.scoring)
+    question = Question((chosen,), config.scoring, *box, plane=common_plane([chosen]))
     tally = LogTally(dict(recording.refused))
     header: dict[str, Any] = {
         "frame_id": recording.robot_frame,

@@ -17,7 +17,7 @@ WITHOUT_LABELS = {
     "traversable_pca": "gaps that are traversable by pca",
     "axis_angles": "gaps with both axes",
     "axis_angle_sum": "rad, between the axes of npca and pca",
-    "plane_fallbacks": "frames in which `plane: patch` fell back to the robot's plane",
+    "plane_fallbacks": "frames in which `plane: patch` or `gravity` fell back to the robot's plane",
 }
 WITH_LABELS = {
     "scored_frames": "frames that were labelled",

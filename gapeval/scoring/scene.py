@@ -10,10 +10,18 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from gapeval.config import Configuration, Domain, Scoring
+from gapeval.config import Configuration, Domain, Robot, Scoring
+from gapeval.detection.plane import gravity_plane
 from gapeval.frame import Frame, Plane, Transform, robot_plane
 from gapeval.labels import Label, Labels, crossing_yaw, place
-from gapeval.visibility import areas_only, domain, lowest_ray, shadow, without_body
+from gapeval.visibility import (
+    areas_only,
+    domain,
+    lowest_ray,
+    other_viewpoints,
+    shadow,
+    without_body,
+)
 
 VISIBLE, PARTLY, SHADOWED, OUT_OF_VIEW = "visible", "partly", "shadowed", "out_of_view"
 SLIVER = 1e-9  # m2; less is rounding
@@ -26,8 +34,8 @@ Polygons = NDArray[np.object_]  # (N,) of (Multi)Polygon
 class View:
     """Where a frame's detections count; robot frame xy [m].
 
-    plane: the plane that labels are put on. domain: the box that the sensor can see. shadow: what is
-    hidden in it. origin: foot of the sensor.
+    plane: the plane that labels are put on. domain: the box, as far as the sensor or another viewpoint looks
+    there. shadow: what is hidden in it, from all that look there. origin: foot of the sensor.
     """
 
     plane: Plane
@@ -112,20 +120,66 @@ def common_domain(configurations: Iterable[Configuration], scoring: Scoring) -> 
     return scoring.domain or largest, origin
 
 
-def view(frame: Frame, box: Domain, origin: str, configuration: Configuration, scoring: Scoring) -> View:
-    """The domain and shadow of a frame. Of the configuration only robot and sensor are used."""
-    plane = robot_plane(configuration.robot.ground_z)
-    lowest = lowest_ray(configuration.sensor, frame)
+def common_plane(configurations: Iterable[Configuration]) -> str:
+    """What labels are put on, shadows fall on: one plane for a whole sweep, by its kind.
+
+    Level if that is what all detect on; else the robot's, never one that was fitted to points.
+    """
+    kinds = {configuration.detector.plane for configuration in configurations}
+    return "gravity" if kinds == {"gravity"} else "robot"
+
+
+def plane_of(frame: Frame, kind: str, robot: Robot) -> Plane:
+    """The plane of a frame that is of this kind, see common_plane."""
+    return gravity_plane(frame.up, robot.ground_z).plane if kind == "gravity" else robot_plane(robot.ground_z)
+
+
+def view(
+    frame: Frame,
+    box: Domain,
+    origin: str,
+    configuration: Configuration,
+    scoring: Scoring,
+    kind: str = "robot",
+) -> View:
+    """The domain and shadow of a frame. Of the configuration only robot and sensor are used.
+
+    kind: of the plane, see common_plane.
+    """
+    plane, sensor = plane_of(frame, kind, configuration.robot), configuration.sensor
     x, y, _ = frame.sensor.translation.tolist()
     centre = (x, y) if origin == "sensor" else (0.0, 0.0)
     points = without_body(frame.points, configuration.robot.body)
-    reach = box.r_max + float(np.hypot(x - centre[0], y - centre[1]))
-    return View(
-        plane,
-        domain(box.x_min, box.r_max, centre, plane, frame.sensor, lowest, configuration.sensor.fov),
-        shadow(points, plane, frame.sensor, scoring.obstacle_height, scoring.ceiling, reach),
-        (x, y),
-    )
+
+    def seen_from(mount: Transform, lowest: float) -> tuple[BaseGeometry, BaseGeometry]:
+        reach = box.r_max + float(np.hypot(*(mount.translation[:2] - centre)))
+        return (
+            domain(box.x_min, box.r_max, centre, plane, mount, lowest, sensor.fov),
+            shadow(points, plane, mount, scoring.obstacle_height, scoring.ceiling, reach),
+        )
+
+    own = seen_from(frame.sensor, lowest_ray(sensor, frame))
+    others = other_viewpoints(sensor, frame, plane)
+    if others:
+        height = plane.distance(points.astype(np.float64))
+        points = np.compress(height > scoring.obstacle_height, points, axis=0)  # all that throw any shadow
+        own = seen_together([own, *(seen_from(view.mount, view.lowest_elevation) for view in others)])
+    return View(plane, *own, (x, y))
+
+
+def seen_together(
+    each: Iterable[tuple[BaseGeometry, BaseGeometry]],
+) -> tuple[BaseGeometry, BaseGeometry]:
+    """Domain and shadow of all viewpoints, from those of each.
+
+    What at least one looks at; and of that, what lies in shadow for each that looks there.
+    """
+    domains, seen = [], []
+    for looked_at, hidden in each:
+        domains.append(looked_at)
+        seen.append(shapely.difference(looked_at, hidden))
+    together = shapely.union_all(domains)
+    return areas_only(together), areas_only(shapely.difference(together, shapely.union_all(seen)))
 
 
 def scene(

@@ -7,8 +7,9 @@ import numpy as np
 from gapeval.config import Configuration
 from gapeval.detection import pole
 from gapeval.detection.spacing import bin_match
-from gapeval.frame import FloatArray, Frame, robot_plane
+from gapeval.frame import FloatArray, Frame
 from gapeval.logs.read import Recording
+from gapeval.scoring.scene import common_plane, plane_of
 from gapeval.simulate.rings import ring_growth
 from gapeval.simulate.sensors import SENSORS
 from gapeval.studies.cases import Given, Planned
@@ -68,7 +69,8 @@ def _measured(
 def box_seen(frame: Frame, configuration: Configuration) -> float:
     """Share of the sensory box's ground that is neither below the lowest ray nor out of the field of view."""
     params, sensor = configuration.detector, configuration.sensor
-    box = params.x_min, params.r_max, pole(frame, params.origin), robot_plane(configuration.robot.ground_z)
+    plane = plane_of(frame, common_plane([configuration]), configuration.robot)
+    box = params.x_min, params.r_max, pole(frame, params.origin), plane
     whole = domain(*box, frame.sensor, -np.pi / 2, None).area
     seen = domain(*box, frame.sensor, lowest_ray(sensor, frame), sensor.fov).area
     return float(seen / whole) if whole else np.nan

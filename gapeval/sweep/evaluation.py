@@ -29,7 +29,8 @@ MOST_CELLS = 1 << 23
 class Question:
     """What is asked of every frame.
 
-    domain, origin: see scoring.scene.common_domain. keep_gaps: hand on each gap, for gaps.csv.
+    domain, origin: see scoring.scene.common_domain. keep_gaps: hand on each gap, for gaps.csv. plane: see
+    common_plane.
     """
 
     configurations: tuple[Configuration, ...]
@@ -37,6 +38,7 @@ class Question:
     domain: Domain
     origin: str
     keep_gaps: bool = False
+    plane: str = "robot"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,8 @@ def evaluate(
     asked = None
     if labels is not None and labels.cover(frame.stamp):
         chosen = question.configurations[0]
-        seen = share.timed(view, frame, question.domain, question.origin, chosen, question.scoring)
+        box, origin, kind = question.domain, question.origin, question.plane
+        seen = share.timed(view, frame, box, origin, chosen, question.scoring, kind)
         asked = share.timed(scene, frame.stamp, frame.pose, seen, labels, robot_frame, question.scoring)
     parts, spent = [], share.spent
     for batch in batches(question.configurations, MOST_CELLS):
@@ -168,7 +171,8 @@ def detected(frame: Frame, configuration: Configuration, question: Question) -> 
     """One frame under one configuration, as the detections format holds it."""
     detection = detect(frame, configuration)
     crossings = by_gap(assess(detection, configuration.robot, configuration.crossing))
-    seen = view(frame, question.domain, question.origin, configuration, question.scoring)
+    box, origin, kind = question.domain, question.origin, question.plane
+    seen = view(frame, box, origin, configuration, question.scoring, kind)
     return DetectedFrame(
         stamp=frame.stamp,
         pose=frame.pose,

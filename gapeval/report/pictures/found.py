@@ -9,8 +9,9 @@ from shapely.geometry.base import BaseGeometry
 from gapeval.config import Configuration
 from gapeval.detection import Detection, Surface, detect
 from gapeval.detections import Crossing
-from gapeval.frame import FloatArray, Frame, robot_plane
+from gapeval.frame import FloatArray, Frame
 from gapeval.labels import Label, Labels, place
+from gapeval.scoring.scene import common_plane, plane_of
 from gapeval.traversability import assess
 from gapeval.visibility import without_body
 
@@ -62,7 +63,7 @@ def findings(
     """Algorithms 1 and 2 on one frame, and the labels on the plane that scoring puts them on."""
     detection = detect(frame, configuration)
     crossings = assess(detection, configuration.robot, configuration.crossing)
-    plane = robot_plane(configuration.robot.ground_z)
+    plane = plane_of(frame, common_plane([configuration]), configuration.robot)
     placed = None
     if labels is not None:
         placed = tuple(
