@@ -24,9 +24,8 @@ def gaps(*polygons):
 
 
 def weight_of(polygon, pl_th=0.1, **quality):
-    (found,) = weights(
-        gaps(polygon), PoseQuality(**({"gap": 0.1, "roll": 0, "pitch": 0, "height": 0} | quality)), pl_th
-    )
+    perfect = {"gap": 0.1, "roll": 0, "pitch": 0, "height": 0}
+    (found,) = weights(gaps(polygon), PoseQuality(**(perfect | quality)), pl_th)
     return found
 
 
@@ -81,12 +80,10 @@ def test_each_gap_of_a_detection_has_its_own():
     points = np.column_stack([x, y, 0 * x])[kept].astype(np.float32)
     quality = PoseQuality(0.1, 0.02, 0.03, 0.01)
     frame = Frame(0, points, Transform.of([0.2, 0, 0.6], [0, 0, 0, 1]), quality=quality)
-    found = detect(frame, Configuration(detector=Detector(k=6))).gaps.polygons
+    found = detect(frame, Configuration(detector=Detector(k=6, n_o=0))).gaps.polygons
     each = weights(found, quality, 0.1)
     assert len(each) > 1
     for polygon, weight in zip(found, each, strict=True):
-        sigma = max(
-            math.sqrt(0.01**2 + (y * 0.02) ** 2 + (x * 0.03) ** 2)
-            for x, y in shapely.get_coordinates(polygon).tolist()
-        )
+        places = shapely.get_coordinates(polygon).tolist()
+        sigma = max(math.sqrt(0.01**2 + (y * 0.02) ** 2 + (x * 0.03) ** 2) for x, y in places)
         assert weight == pytest.approx(math.erf(0.1 / sigma / math.sqrt(2)), rel=1e-12)
