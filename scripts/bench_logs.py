@@ -16,8 +16,9 @@ from gapeval.logs.read import Recording, read_frames, read_recording
 from gapeval.logs.write import Cloud, Link, Links, Message, write_log
 from gapeval.scoring.scene import common_domain
 from gapeval.simulate.casting import caster
+from gapeval.simulate.log import LABELS, write_simulation
 from gapeval.simulate.mesh import static_triangles
-from gapeval.simulate.simulation import LABELS, Simulation, cloud, simulation, write_simulation
+from gapeval.simulate.simulation import Simulation, cloud, simulation
 from gapeval.sweep.evaluation import Question
 from gapeval.sweep.grid import configurations
 

@@ -24,6 +24,16 @@ POSE = "geometry_msgs/msg/PoseStamped"
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
 ROS1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
 ROS2 = get_typestore(Stores.ROS2_HUMBLE)
+LIVOX_DRIVERS = ("livox_ros_driver", "livox_ros_driver2")
+LIVOX_POINT = "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line"
+LIVOX_MESSAGE = (
+    "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\n"
+    "CustomPoint[] points"
+)
+for _store in (ROS1, ROS2):
+    for _driver in LIVOX_DRIVERS:
+        _store.register(get_types_from_msg(LIVOX_POINT, f"{_driver}/msg/CustomPoint"))
+        _store.register(get_types_from_msg(LIVOX_MESSAGE, f"{_driver}/msg/CustomMsg"))
 
 BAGS = ("bag", "bag-lz4", "bag-bz2")
 MCAPS = ("mcap", "mcap-lz4", "mcap-none", "mcap-no-index", "mcap-no-summary", "mcap-unchunked", "mcap-bare")

@@ -28,20 +28,22 @@ from gapeval.logs.read import read_frames, read_recording
 
 def test_several_cloud_topics(log):
     path = log(lidar(), driving(), clouds(), clouds(4, topic="/rear/points"))
-    expected = "several topics have clouds, choose with --cloud-topic: /points (10), /rear/points (4)"
+    choice = "choose with --cloud-topic, or name several to merge them"
+    expected = f"several topics have clouds, {choice}: /points (10), /rear/points (4)"
     assert line(path) == expected
     assert read_recording(path, LogSection(cloud_topic="rear/points")).total == 4
     wrong = line(path, LogSection(cloud_topic="/front"))
     assert wrong == "no topic /front for --cloud-topic; clouds are on /points (10), /rear/points (4)"
     other = line(path, LogSection(cloud_topic="/tf"))
     assert other.startswith(
-        "--cloud-topic /tf is tf2_msgs/TFMessage, and gapeval reads sensor_msgs/PointCloud2;"
+        "--cloud-topic /tf is tf2_msgs/TFMessage, and gapeval reads PointCloud2, LaserScan, "
     )
 
 
 def test_no_clouds_or_nothing_at_all(log, tmp_path):
     path = log(lidar(), driving())
-    assert line(path).startswith("no clouds: gapeval reads sensor_msgs/PointCloud2, and the log has tf2_msgs")
+    assert line(path).startswith("no clouds: gapeval reads PointCloud2, LaserScan, ")
+    assert "for them, and the log has tf2_msgs/TFMessage on /tf (12), tf2" in line(path)
     for container in ("bag", "mcap", "mcap-bare", "sqlite3"):
         empty = write_records(tmp_path / f"empty-{container}", [], container)
         assert line(empty) == "no messages at all; record it again"

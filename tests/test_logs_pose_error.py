@@ -17,8 +17,8 @@ from sweeps import bytes_of
 from gapeval.config import LogSection, PoseError, PoseNoise
 from gapeval.frame import Frame
 from gapeval.logs.read import describe, read_frames, read_recording
-from gapeval.logs.read.pose_error import with_errors
-from gapeval.logs.read.transforms import Transforms
+from gapeval.logs.read.pose_error import error_of
+from gapeval.logs.read.transforms import Transforms, compose
 
 angles = st.floats(-0.5, 0.5)
 heights = st.floats(-1, 1)
@@ -59,7 +59,7 @@ def test_points_are_turned_about_x_then_y_then_lifted(roll, pitch, height):
     random = np.random.default_rng(5)
     cloud = Transforms(random.normal(size=(3, 3)), np.tile([0.0, 0.6, 0.0, 0.8], (3, 1)))
     error = PoseError(roll=roll, pitch=pitch, height=height)
-    wrong = with_errors(cloud, np.arange(3), error, None)
+    wrong = compose(error_of(np.arange(3), error, None), cloud)
     points = random.normal(0, 3, (20, 3))
     for index in range(3):
         expected = turned(cloud.at(index).apply(points), roll, pitch, height)
@@ -68,7 +68,7 @@ def test_points_are_turned_about_x_then_y_then_lifted(roll, pitch, height):
 
 @given(angles)
 def test_a_level_plane_is_tilted_by_the_pitch(pitch):
-    wrong = with_errors(Transforms.identity(1), np.zeros(1, np.int64), PoseError(pitch=pitch), None)
+    wrong = error_of(np.zeros(1, np.int64), PoseError(pitch=pitch), None)
     x, y = np.meshgrid(np.linspace(0.5, 5, 7), np.linspace(-2, 2, 5))
     places = wrong.at(0).apply(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))
     np.testing.assert_allclose(places[:, 2], -places[:, 0] * math.tan(pitch), atol=1e-12)
@@ -77,7 +77,7 @@ def test_a_level_plane_is_tilted_by_the_pitch(pitch):
 
 @given(angles)
 def test_a_positive_roll_lifts_the_left(roll):
-    wrong = with_errors(Transforms.identity(1), np.zeros(1, np.int64), PoseError(roll=roll), None)
+    wrong = error_of(np.zeros(1, np.int64), PoseError(roll=roll), None)
     left = wrong.at(0).apply(np.array([2.0, 1.0, 0.0]))
     assert left == pytest.approx([2.0, math.cos(roll), math.sin(roll)])
 
@@ -137,7 +137,7 @@ def test_noise_is_the_same_in_any_order_and_any_process(path):
 def test_a_draw_depends_on_the_stamp_alone(stamps, random):
     def wrong(order):
         rows = np.array(order, dtype=np.int64)
-        return with_errors(Transforms.identity(len(rows)), rows, None, NOISE).quaternion
+        return error_of(rows, None, NOISE).quaternion
 
     shuffled = random.sample(stamps, len(stamps))
     of = dict(zip(stamps, wrong(stamps).tolist(), strict=True))
@@ -147,7 +147,7 @@ def test_a_draw_depends_on_the_stamp_alone(stamps, random):
 
 def test_noise_has_the_standard_deviations_that_are_asked():
     stamps = 1_700_000_000_000_000_000 + np.arange(4000) * 2_738_000_000
-    drawn = with_errors(Transforms.identity(4000), stamps, None, NOISE)
+    drawn = error_of(stamps, None, NOISE)
     half = drawn.quaternion[:, :3]
     assert 2 * half[:, 0].std() == pytest.approx(0.02, rel=0.05)
     assert 2 * half[:, 1].std() == pytest.approx(0.03, rel=0.05)

@@ -41,24 +41,24 @@ def test_the_mcap_and_the_bag_of_one_drive_are_the_same_log():
     [
         (
             "laserscan_tf",
-            "no clouds: gapeval reads sensor_msgs/PointCloud2, "
-            "and the log has sensor_msgs/LaserScan on /zed/scan_merged (133)",
+            "the planar laser on /zed/scan_merged does not turn against base_link, so its scans make no "
+            "clouds; gapeval needs clouds, or planar scans of a laser that turns by tf",
         ),
         (
             "two_laserscans_no_tf",
-            "no clouds: gapeval reads sensor_msgs/PointCloud2, and the log has "
-            "sensor_msgs/LaserScan on /front_scan (331), sensor_msgs/LaserScan on /rear_scan (330)",
+            "no clouds and no transforms: the log has planar scans on /front_scan (331), /rear_scan (330), "
+            "of which gapeval makes clouds only where /tf tells how the laser turns",
         ),
         (
             "ouster_packets_no_cloud",
-            "no clouds: gapeval reads sensor_msgs/PointCloud2, and the log has "
-            "ouster_ros/PacketMsg on /os_node0/imu_packets (10), "
+            "no clouds: gapeval reads PointCloud2, LaserScan, MultiEchoLaserScan, and what Livox and "
+            "Foxglove have for them, and the log has ouster_ros/PacketMsg on /os_node0/imu_packets (10), "
             "ouster_ros/PacketMsg on /os_node0/lidar_packets (32)",
         ),
         (
             "damaged_index",
-            "damaged ROS 1 bag (its parts contradict each other); "
-            "`rosbag reindex damaged_index.bag` may mend it",
+            "no clouds and no transforms: the log has planar scans on /scan (360), of which gapeval makes "
+            "clouds only where /tf tells how the laser turns",
         ),
     ],
 )

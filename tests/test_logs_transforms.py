@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from logs_writer import ROS2, tf_message
+from logs_writer import ROS2, TF, tf_message
 
 from gapeval.config import StaticTransform
 from gapeval.errors import LogError
 from gapeval.frame import Transform
 from gapeval.logs.read.container import Topic
-from gapeval.logs.read.samples import add_tf, build_tree, tf_topics
+from gapeval.logs.read.content import transforms as read_transforms
+from gapeval.logs.read.samples import add_transforms, build_tree, tf_topics
 from gapeval.logs.read.transforms import (
     AFTER,
     BEFORE,
@@ -243,7 +244,8 @@ def test_rings_do_not_hang():
 def samples_from(*messages):
     samples = {}
     for topic, stamp, transforms in messages:
-        add_tf(samples, topic, tf_message(ROS2, stamp, transforms))
+        raw = bytes(ROS2.serialize_cdr(tf_message(ROS2, stamp, transforms), TF))
+        add_transforms(samples, topic, read_transforms(Topic(topic, TF, 1, "cdr"), raw))
     return samples
 
 

@@ -19,8 +19,9 @@ from rosbags.typesys import Stores, get_typestore
 from gapeval.config import LogSection
 from gapeval.logs.read import read_frames, read_recording
 from gapeval.simulate.layouts import SCENES
+from gapeval.simulate.log import write_simulation
 from gapeval.simulate.sensors import SENSORS
-from gapeval.simulate.simulation import clouds, simulation, write_simulation
+from gapeval.simulate.simulation import clouds, simulation
 
 SUFFIXES = {"mcap": ".mcap", "ros1": ".bag", "ros2": ""}
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -307,7 +308,7 @@ FULL = """
 import resource, signal, sys
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 from gapeval.cli import main
-import gapeval.simulate.simulation
+import gapeval.simulate.log
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 main(sys.argv[1:])
 """

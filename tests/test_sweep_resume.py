@@ -277,7 +277,7 @@ def test_a_disk_that_is_full(tmp_path: Path, trench: Path) -> None:
     """No file may grow beyond a size: first the parts do not fit, then what is merged from them."""
     log, out = drive(tmp_path / "drive.mcap", 4), tmp_path / "out"
     asked = (log, "--labels", trench, *MANY[:4], "-o", out, "--jobs", 2)
-    for size, kept in ((10_000, 0), (100_000, 4)):
+    for size, kept in ((10_000, 0), (150_000, 4)):
         sweep = begun(*asked, preexec_fn=limited(size))
         _, errors = sweep.communicate(timeout=300)
         assert sweep.returncode == 1, errors

@@ -35,7 +35,13 @@ parameter_option = click.option(
     help="Set a parameter, dotted where its name is not unique; wins over the file. May be repeated.",
 )
 LOG_OPTIONS = (
-    click.option("--cloud-topic", metavar="TOPIC", help="Clouds to read, if there are several topics."),
+    click.option(
+        "--cloud-topic",
+        "cloud_topics",
+        multiple=True,
+        metavar="TOPIC",
+        help="Clouds to read, if there are several topics; given again: clouds to merge with them.",
+    ),
     click.option("--pose-topic", metavar="TOPIC", help="Odometry or pose topic to use instead of tf."),
     click.option("--robot-frame", metavar="FRAME", help="Frame of the robot; default: base_link."),
     click.option(
@@ -47,6 +53,10 @@ LOG_OPTIONS = (
         metavar="SHARE",
         help="Fail if a smaller share of the clouds has transforms; default: 0.5.",
     ),
+    click.option("--start", type=float, metavar="SECONDS", help="Leave out what is earlier in the log."),
+    click.option("--end", type=float, metavar="SECONDS", help="Leave out what is later in the log."),
+    click.option("--every", type=click.IntRange(min=1), metavar="N", help="Use only every Nth cloud."),
+    click.option("--strict", is_flag=True, help="Fail if a part of the log cannot be read."),
 )
 
 
@@ -60,11 +70,15 @@ def log_options(command: F) -> F:
 def configuration(
     config_file: Path | None,
     parameters: tuple[str, ...],
-    cloud_topic: str | None = None,
+    cloud_topics: tuple[str, ...] = (),
     pose_topic: str | None = None,
     robot_frame: str | None = None,
     fixed_frame: str | None = None,
     min_matched: float | None = None,
+    start: float | None = None,
+    end: float | None = None,
+    every: int | None = None,
+    strict: bool = False,
 ) -> "Config":
     """Explicit options win over -p, -p over the file, the file over defaults."""
     from gapeval.config import load_config
@@ -72,9 +86,14 @@ def configuration(
     return load_config(
         config_file,
         parameters,
-        log__cloud_topic=cloud_topic,
+        log__cloud_topic=cloud_topics[0] if len(cloud_topics) == 1 else None,
+        log__cloud_topics=(list(cloud_topics) if len(cloud_topics) > 1 else []) if cloud_topics else None,
         log__pose_topic=pose_topic,
         log__robot_frame=robot_frame,
         log__fixed_frame=fixed_frame,
         log__min_matched=min_matched,
+        log__start=start,
+        log__end=end,
+        log__every=every,
+        log__strict=strict or None,
     )

@@ -42,6 +42,8 @@ def open_logs(paths: Sequence[Path], settings: "LogSection") -> list["Recording"
         for reason, count in recording.refused.items():
             stamps = ", ".join(str(stamp) for stamp in recording.examples.get(reason, ()))
             say(f"{path}: refused {count}: {reason}" + (f" (stamps {stamps})" if stamps else ""))
+        for loss in recording.losses:
+            say(f"{path}: lost: {loss}")
         for notice in recording.notices:
             say(f"{path}: {notice}")
         for name in ("pose_error", "pose_noise"):

@@ -40,7 +40,7 @@ def print_list(context: click.Context, _: click.Parameter, wanted: bool) -> None
     "--frames",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Clouds; default: as many as the scene has positions.",
+    help="Stops, of each a cloud; default: as many as the scene has positions.",
 )
 @click.option(
     "--seed",
@@ -72,6 +72,16 @@ def print_list(context: click.Context, _: click.Parameter, wanted: bool) -> None
     help="So many times the rays: scans of a rolling sensor, columns of a spinning one.",
 )
 @click.option(
+    "--scans",
+    is_flag=True,
+    help="Write the planar scans of a rolling sensor, and the joint that it rolls about, not clouds.",
+)
+@click.option(
+    "--moving",
+    is_flag=True,
+    help="Measure while the robot drives: skewed clouds with the time of each point, or scans.",
+)
+@click.option(
     "--list",
     is_flag=True,
     is_eager=True,
@@ -90,6 +100,8 @@ def simulate(
     slope: float | None,
     without_obstacles: bool,
     density: float,
+    scans: bool,
+    moving: bool,
 ) -> None:
     """Simulate a log whose gaps are known exactly: clouds, poses and labels.
 
@@ -102,10 +114,12 @@ def simulate(
       gapeval simulate tunnel -o tunnel/
       gapeval simulate approach --sensor os1-64 --format ros2 --frames 40 --seed 3 -o approach/
       gapeval simulate slope --slope 20 --roughness 0.03 -o slope-20/
+      gapeval simulate street --scans --moving -o scans/
       gapeval sweep tunnel/tunnel.mcap --labels tunnel/labels.geojson --config configs/lms151.yaml
     """
     from gapeval.cli.simulating import simulate_log
+    from gapeval.simulate.simulation import Taking
     from gapeval.simulate.variation import Variation
 
     variation = Variation(roughness, slope, not without_obstacles, density)
-    simulate_log(scene, sensor, frames, seed, container, output, variation)
+    simulate_log(scene, sensor, frames, seed, container, output, variation, Taking(scans, moving))

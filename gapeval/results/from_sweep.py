@@ -11,7 +11,7 @@ from typing import Any
 from gapeval.config import Config
 from gapeval.errors import ConfigError, GapevalError
 from gapeval.labels import Labels, require_frames
-from gapeval.logs.read import Recording
+from gapeval.logs.read import Recording, lowest_elevations
 from gapeval.results.manifest import LogTally, label_entry, log_entry, manifest
 from gapeval.results.part import FILES, UnreadablePartError, merged
 from gapeval.results.parts import (
@@ -267,8 +267,9 @@ def _effective(sweep: Sweep) -> Config:
     """The configuration as it was used: with what was measured in logs that their file names tell apart."""
     names = Counter(recording.path.name for recording in sweep.task.recordings)
     lowest = {
-        recording.path.name: recording.lowest_elevation
+        key: elevation
         for recording in sweep.task.recordings
+        for key, elevation in lowest_elevations(recording).items()
         if names[recording.path.name] == 1
     }
     log = sweep.config.log.model_copy(update={"lowest_elevation": lowest})

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from gapeval import __version__
@@ -59,6 +59,7 @@ def log_entry(name: str, recording: Recording, tally: LogTally, labels: Labels |
         "points": tally.points,
         "points_dropped": tally.dropped,
         "notices": list(recording.notices),
+        "losses": [asdict(loss) for loss in recording.losses],
         **{name: error.model_dump() for name, error in errors.items() if error is not None},
     }
 

@@ -109,7 +109,7 @@ def read_order(folder: Path) -> Order:
 
 def keys(task: Task, config: Config, log_digests: Sequence[str]) -> tuple[str, ...]:
     """Of each log: what decides its parts but the configurations, which are known by their ids."""
-    reading: dict[str, Any] = json.loads(config.log.model_dump_json(exclude={"lowest_elevation"}))
+    reading: dict[str, Any] = json.loads(config.log.model_dump_json(exclude={"lowest_elevation", "strict"}))
     found = []
     for recording, name, labels, digest in zip(
         task.recordings, task.names, task.labels, log_digests, strict=True
@@ -124,7 +124,7 @@ def keys(task: Task, config: Config, log_digests: Sequence[str]) -> tuple[str, .
                 recording.robot_frame,
                 recording.fixed_frame,
                 recording.sensor_frame,
-                recording.lowest_elevation,
+                recording.lowest_elevations,
                 recording.pose_error and recording.pose_error.model_dump(),
                 recording.pose_noise and recording.pose_noise.model_dump(),
             ],

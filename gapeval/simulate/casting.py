@@ -60,19 +60,20 @@ def caster(triangles: FloatArray) -> Caster:
 
 
 def cast(scene: Caster, origin: FloatArray, directions: FloatArray) -> Hits:
-    """Rays from an origin (3,) in directions (N, 3) of unit length.
+    """Rays in directions (N, 3) of unit length, from one origin (3,) or each from its own (N, 3).
 
     The triangle is found in float32, the distance to its plane in float64.
     """
     distance, grazing = np.full(len(directions), np.inf), np.ones(len(directions))
     for first in range(0, len(directions), scene.at_once):
         part = slice(first, first + scene.at_once)
-        rays = directions[part]
-        index: NDArray[np.intp] = scene.first_hit(np.broadcast_to(origin, rays.shape), rays)
-        hit = index >= 0
-        towards = (scene.normals[index] * rays).sum(axis=1)
+        rays, start = directions[part], origin if origin.ndim == 1 else origin[part]
+        index: NDArray[np.intp] = scene.first_hit(np.broadcast_to(start, rays.shape), rays)
+        hit, normals = index >= 0, scene.normals[index]
+        towards = (normals * rays).sum(axis=1)
+        height = normals @ start if start.ndim == 1 else (normals * start).sum(axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
-            away = (scene.offsets[index] - scene.normals[index] @ origin) / towards
+            away = (scene.offsets[index] - height) / towards
         distance[part] = np.where(hit, away, np.inf)
         grazing[part] = np.where(hit, np.abs(towards), 1.0)
     return Hits(distance, grazing)

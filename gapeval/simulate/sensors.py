@@ -47,10 +47,30 @@ class Rolling:
         first, last, step = self.rolls
         return replace(self, rolls=(first, last, step / density))
 
+    @property
+    def azimuths(self) -> FloatArray:
+        """Of the beams of a scan (beams,) [rad]."""
+        first, last, step = self.beams
+        return np.linspace(first, last, round((last - first) / step) + 1)
+
+    @property
+    def rate(self) -> float:
+        """Of the roll during a pass [rad/s]."""
+        return (self.rolls[1] - self.rolls[0]) / self.period
+
+    @property
+    def scan_period(self) -> float:
+        """From scan to scan [s]."""
+        return self.rolls[2] / self.rate
+
+    @property
+    def beam_period(self) -> float:
+        """From beam to beam [s]: the mirror turns once for each scan, and looks back for part of it."""
+        return self.scan_period * self.beams[2] / (2 * np.pi)
+
     def directions(self, phase: float) -> FloatArray:
         """Rays (scans, beams, 3) in the frame of the laser at roll 0; phase: of the first scan, in steps."""
-        first, last, step = self.beams
-        azimuth = np.linspace(first, last, round((last - first) / step) + 1)
+        azimuth = self.azimuths
         low, high, turn = self.rolls
         roll = (low + turn * phase + turn * np.arange(round((high - low) / turn)))[:, None]
         x, y = np.cos(azimuth), np.sin(azimuth)
@@ -134,6 +154,11 @@ class Sensor:
         return float(self.mount.translation[0] + height / np.tan(below))
 
     def ranges(self, hits: Hits, random: np.random.Generator) -> FloatArray:
+        """What is in a cloud (rows, columns): the echoes that the pattern keeps, inf elsewhere."""
+        ranges = self.echoes(hits, random)
+        return np.where(self.pattern.kept(ranges), ranges, np.inf)
+
+    def echoes(self, hits: Hits, random: np.random.Generator) -> FloatArray:
         """What the sensor measures (rows, columns) of what its rays hit: noisy, inf where an echo is lost."""
         noise = random.normal(0.0, 1.0, hits.distance.shape)
         luck = random.uniform(0.0, 1.0, hits.distance.shape)
@@ -142,8 +167,7 @@ class Sensor:
         measured = true + noise * self.noise.deviation(true)
         seen = finite & (measured >= self.nearest) & (true <= self.farthest)
         seen &= luck * np.sin(self.grazing) < hits.grazing
-        ranges = np.where(seen, measured, np.inf)
-        return np.where(self.pattern.kept(ranges), ranges, np.inf)
+        return np.where(seen, measured, np.inf)
 
 
 def _tilted(x: float, z: float, down: float) -> Transform:

@@ -1,38 +1,43 @@
-"""A scene, seen by a sensor: frames to the last noisy point, and the messages of a log."""
+"""A scene, seen by a sensor: frames to the last noisy point."""
 
-import heapq
-import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.errors import ConfigError, GapevalError
-from gapeval.files import make_folder, whole_file
-from gapeval.frame import FloatArray, Transform
-from gapeval.labels import Label, labels_text
-from gapeval.logs.write import Cloud, Link, Links, Message, log_path, write_log
+from gapeval.errors import ConfigError
+from gapeval.frame import FloatArray, Transform, rotation_matrices
+from gapeval.labels import Label
 from gapeval.simulate import truth
-from gapeval.simulate.casting import Caster, cast, caster, nearer
-from gapeval.simulate.drive import START, Drive, drive, pose
+from gapeval.simulate.casting import Caster, Hits, cast, caster, nearer
+from gapeval.simulate.drive import PAUSE, START, Drive, drive, drive_on, pose, poses
+from gapeval.simulate.joint import RAMP
 from gapeval.simulate.layouts import SCENES
 from gapeval.simulate.mesh import solid_triangles, static_triangles
 from gapeval.simulate.scene import Scene
-from gapeval.simulate.sensors import SENSORS, Sensor
+from gapeval.simulate.sensors import SENSORS, Rolling, Sensor
 from gapeval.simulate.variation import Variation, varied_scene, varied_sensor
 
-FIXED, ODOMETRY, ROBOT = "map", "odom", "base_link"
-CLOUD_TOPIC = "/points"
-LABELS = "labels.geojson"
-# fixed<-odometry: where the odometry began, as a localisation would have it.
-ODOMETRY_ORIGIN = Transform.of([1.5, -0.7, 0.0], [0.0, 0.0, np.sin(0.2), np.cos(0.2)])
+FIXED = "map"
 LAYOUT, MEASUREMENT = 0, 1  # streams of random numbers
 UNVARIED = Variation()
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Taking:
+    """How a log is taken. scans: as planar scans and the joint that a laser rolls about, not as clouds;
+    moving: while the robot drives by its stops, not while it stands at each.
+    """
+
+    scans: bool = False
+    moving: bool = False
+
+
+STANDING = Taking()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,9 +51,11 @@ class Simulation:
     scene: Scene
     sensor: Sensor
     drive: Drive
+    taking: Taking = STANDING
 
     @property
     def frames(self) -> int:
+        """Stops; also clouds, if the robot stands at each."""
         return len(self.drive.stamps)
 
     @property
@@ -60,6 +67,7 @@ class Simulation:
             "frames": self.frames,
             "seed": self.seed,
             **self.variation.about,
+            **{name: True for name in ("scans", "moving") if getattr(self.taking, name)},
         }
 
     @property
@@ -72,106 +80,91 @@ class Simulation:
 
 
 def simulation(
-    scene: str, sensor: str, frames: int | None, seed: int, variation: Variation = UNVARIED
+    scene: str,
+    sensor: str,
+    frames: int | None,
+    seed: int,
+    variation: Variation = UNVARIED,
+    taking: Taking = STANDING,
 ) -> Simulation:
     """Lay out a scene for a sensor's robot, then vary it.
 
-    Raises ConfigError for names that there are not, and for what cannot be varied.
+    Raises ConfigError for names that there are not, and for what cannot be varied or taken.
     """
     layout, chosen = _named(SCENES, scene, "scene"), _named(SENSORS, sensor, "sensor")
     count = layout.frames if frames is None else frames
+    _require_possible(chosen, sensor, count, taking)
     laid_out = layout.build(np.random.default_rng([seed, LAYOUT]), chosen, count)
     varied, chosen = varied_scene(laid_out, scene, variation), varied_sensor(chosen, variation)
-    return Simulation(scene, sensor, seed, variation, varied, chosen, drive(varied, chosen))
+    way = _drive(varied, chosen, taking)
+    return Simulation(scene, sensor, seed, variation, varied, chosen, way, taking)
+
+
+def _require_possible(sensor: Sensor, name: str, frames: int, taking: Taking) -> None:
+    rolls = isinstance(sensor.pattern, Rolling)
+    if taking.scans and not rolls:
+        planar = ", ".join(key for key, each in SENSORS.items() if isinstance(each.pattern, Rolling))
+        raise ConfigError(f"scans: {name} makes no planar scans; leave them out, or take {planar}")
+    if taking.moving and rolls and not taking.scans:
+        raise ConfigError(f"moving: clouds of {name} are of a robot that stands; take scans as well")
+    if taking.moving and frames < 2:
+        raise ConfigError(f"moving: no way leads through {frames} stop; take 2 frames or more")
+
+
+def _drive(scene: Scene, sensor: Sensor, taking: Taking) -> Drive:
+    ramps = RAMP if isinstance(sensor.pattern, Rolling) and taking.scans else 0.0
+    period = sensor.pattern.period
+    return drive_on(scene, period + 2 * ramps) if taking.moving else drive(scene, period, PAUSE + ramps)
 
 
 def clouds(simulated: Simulation) -> Iterator[NDArray[np.float32]]:
     """The points (N, 3) of each frame, in the sensor's frame [m]."""
-    still = caster(static_triangles(simulated.scene))
+    scenery = still(simulated)
     for stop in range(simulated.frames):
-        yield cloud(simulated, still, stop)
+        yield cloud(simulated, scenery, stop)
 
 
-def cloud(simulated: Simulation, still: Caster, stop: int) -> NDArray[np.float32]:
+def still(simulated: Simulation) -> Caster:
+    """All of the scene that stays."""
+    return caster(static_triangles(simulated.scene))
+
+
+def cloud(simulated: Simulation, scenery: Caster, stop: int) -> NDArray[np.float32]:
     """One frame: cast the rays, make them noisy, lose some."""
     sensor = simulated.sensor
     random = np.random.default_rng([simulated.seed, MEASUREMENT, stop])
     rays = sensor.pattern.directions(random.uniform())
     towards = _rotated(rays.reshape(-1, 3), sensor.mount, simulated.pose(stop))
     origin = simulated.pose(stop).apply(sensor.mount.translation)
-    hits = cast(still, origin, towards)
-    if passing := simulated.scene.passing_at(stop):
-        hits = nearer(hits, cast(caster(solid_triangles(passing)), origin, towards))
+    hits = hits_at(simulated, scenery, stop, origin, towards)
     ranges = sensor.ranges(hits.shaped(rays.shape[:2]), random)
     seen = np.isfinite(ranges)
     return np.asarray(rays[seen] * ranges[seen][:, None], dtype=np.float32)
 
 
-def write_simulation(
-    simulated: Simulation, folder: Path, container: str, advance: Callable[[], object]
-) -> tuple[Path, Path]:
-    """The log, and labels.geojson beside it; returns both. `advance` is called after each cloud.
-
-    Raises GapevalError where the folder holds anything else of these names: it may be the work of a hand.
-    """
-    log, labels = log_path(folder, simulated.scene_name, container), folder / LABELS
-    make_folder(folder)
-    _require_replaceable(log, labels, simulated.about)
-    with whole_file(labels) as file:
-        file.write(labels_text(simulated.labels, FIXED, simulated=simulated.about))
-        file.flush()  # a disk without room for them should not get a log without labels
-        write_log(log, container, _messages(simulated, advance))
-    return log, labels
+def hits_at(
+    simulated: Simulation, scenery: Caster, stop: int, origin: FloatArray, towards: FloatArray
+) -> Hits:
+    """What rays hit, of what stays and of who passes at a stop; as for casting.cast, in the fixed frame."""
+    hits = cast(scenery, origin, towards)
+    if passing := simulated.scene.passing_at(stop):
+        hits = nearer(hits, cast(caster(solid_triangles(passing)), origin, towards))
+    return hits
 
 
-def _require_replaceable(log: Path, labels: Path, about: dict[str, str | float]) -> None:
-    """What is there must be of the same simulation, so that labels and logs of a folder go together."""
-    earlier = None
-    if labels.exists():
-        try:
-            earlier = json.loads(labels.read_text(encoding="utf-8")).get("simulated")
-        except (OSError, ValueError, AttributeError):
-            earlier = None
-        if earlier is None:
-            raise GapevalError(f"{labels}: exists and was not made by simulate; choose another folder")
-        if earlier != about:
-            said = ", ".join(f"{key} {value}" for key, value in earlier.items())
-            raise GapevalError(f"{labels.parent}: holds another simulation ({said}); choose another folder")
-    elif log.exists():
-        raise GapevalError(f"{log}: exists and was not made by simulate; choose another folder")
+def robot_at(simulated: Simulation, stamp: int) -> Transform:
+    """fixed<-robot at any time [ns]."""
+    place = simulated.drive.at(np.array([(stamp - START) / 1e9]))[0]
+    return pose(simulated.scene.ground, simulated.sensor.robot, place)
 
 
-def _messages(simulated: Simulation, advance: Callable[[], object]) -> Iterator[Message]:
-    """tf_static, then poses and clouds in the order of their stamps."""
-    sensor, start = simulated.sensor, int(simulated.drive.pose_stamps[0])
-    yield Links(start, (Link(ROBOT, sensor.frame_id, sensor.mount),), is_static=True)
-    yield from heapq.merge(
-        _pose_messages(simulated), _cloud_messages(simulated, advance), key=lambda message: message.stamp
-    )
-
-
-def _cloud_messages(simulated: Simulation, advance: Callable[[], object]) -> Iterator[Message]:
-    for stamp, points in zip(simulated.drive.stamps.tolist(), clouds(simulated), strict=True):
-        advance()
-        yield Cloud(stamp, CLOUD_TOPIC, simulated.sensor.frame_id, points)
-
-
-def _pose_messages(simulated: Simulation) -> Iterator[Message]:
-    scene, robot = simulated.scene, simulated.sensor.robot
-    stamps = simulated.drive.pose_stamps
-    for stamp, place in zip(stamps.tolist(), simulated.drive.at((stamps - START) / 1e9), strict=True):
-        links = (
-            Link(FIXED, ODOMETRY, ODOMETRY_ORIGIN),
-            Link(ODOMETRY, ROBOT, seen_from(ODOMETRY_ORIGIN, pose(scene.ground, robot, place))),
-        )
-        yield Links(stamp, links, is_static=False)
-
-
-def seen_from(origin: Transform, place: Transform) -> Transform:
-    """A pose relative to another, both in one frame."""
-    x, y, z, w = origin.quaternion
-    back = np.array([[w, z, -y, -x], [-z, w, x, -y], [y, -x, w, -z], [x, y, z, w]])
-    return Transform.of(origin.apply_inverse(place.translation), back @ place.quaternion)
+def mounts_at(simulated: Simulation, seconds: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """fixed<-mount of the sensor at times (K,) [s]: origins (K, 3) [m] and rotations (K, 3, 3)."""
+    sensor = simulated.sensor
+    places = simulated.drive.at(seconds)
+    translations, quaternions = poses(simulated.scene.ground, sensor.robot, places)
+    rotations = rotation_matrices(quaternions)
+    return translations + rotations @ sensor.mount.translation, rotations @ sensor.mount.matrix
 
 
 def _rotated(rays: FloatArray, mount: Transform, robot: Transform) -> FloatArray:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gapeval.files import make_folder, write_whole
 from gapeval.logs.write import log_path
-from gapeval.simulate.simulation import LABELS, write_simulation
+from gapeval.simulate.log import LABELS, write_simulation
 from gapeval.studies.cases import Case, Given, Recipe
 from gapeval.sweep.provenance import simulator
 from gapeval.sweep.units import StoppedError

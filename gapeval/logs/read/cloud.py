@@ -1,4 +1,4 @@
-"""sensor_msgs/PointCloud2 of any legal layout -> points."""
+"""Points packed into bytes in any legal layout, as sensor_msgs/PointCloud2 has them -> points."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -27,6 +27,7 @@ EMPTY = "empty cloud"
 NO_POINT = "no finite point"
 LIES = "header lies about its size"
 NO_FIELDS = "no usable x, y, z fields"
+NO_TIME = "no time for each point"
 
 
 class UnreadableCloudError(Exception):
@@ -42,8 +43,39 @@ class UnreadableCloudError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
+class PackedField:
+    """A field of each point, as sensor_msgs/PointField; datatype: one of DATATYPES, else unknown."""
+
+    name: str
+    offset: int
+    datatype: int
+    count: int = 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedCloud:
+    """A cloud as it stands in its message, with the fields of sensor_msgs/PointCloud2; nothing is checked.
+
+    stamp: [ns]; frame: of the message; data: bytes. pose: frame<-points, None where they are in the frame.
+    time_origin: absolute time [ns] that the times of points count from, None where that is not said.
+    """
+
+    stamp: int
+    frame: str
+    height: int
+    width: int
+    fields: tuple[PackedField, ...]
+    is_bigendian: bool
+    point_step: int
+    row_step: int
+    data: NDArray[Any]
+    pose: Transform | None = None
+    time_origin: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Coordinate:
-    """Where one of x, y, z is in a point: byte offset, and numpy's type with its byte order."""
+    """Where one number is in a point: byte offset, and numpy's type with its byte order."""
 
     offset: int
     dtype: np.dtype[Any]
@@ -95,19 +127,36 @@ def cloud_layout(message: Any) -> Layout:
 
 
 def cloud_points(message: Any) -> Points:
-    """The finite points of a decoded PointCloud2, row by row. is_dense is not believed.
+    """The finite points of a PackedCloud or decoded PointCloud2, row by row. is_dense is not believed.
 
     Raises UnreadableCloudError with a reason where there are none.
     """
+    return kept_points(message)[0]
+
+
+def kept_points(message: Any) -> tuple[Points, NDArray[np.bool_]]:
+    """The finite points, and which of all points they are: (height * width,)."""
     layout = cloud_layout(message)
-    data = np.asarray(message.data)
-    if data.dtype.itemsize != 1:
-        raise UnreadableCloudError(LIES, f"data is of {data.dtype}, not of bytes")
-    points = _finite(_adjacent_floats(data, layout) if _is_plain(layout) else _any_fields(data, layout))
+    data = cloud_bytes(message)
+    points, kept = _finite(_adjacent_floats(data, layout) if _is_plain(layout) else _any_fields(data, layout))
     if not len(points.xyz):
         dropped = f"{points.not_finite} NaN or infinite, {points.zero} at exactly (0, 0, 0)"
         raise UnreadableCloudError(NO_POINT, dropped)
-    return points
+    return points, kept
+
+
+def column(message: Any, found: Any) -> NDArray[Any]:
+    """The values (height * width,) of one field, the first of each point where it has several."""
+    layout = cloud_layout(message)
+    place = _coordinate(found, ">" if message.is_bigendian else "<", layout.point_step)
+    return _strided(cloud_bytes(message), layout, place.dtype, place.offset).reshape(-1)
+
+
+def cloud_bytes(message: Any) -> NDArray[Any]:
+    data = np.asarray(message.data)
+    if data.dtype.itemsize != 1:
+        raise UnreadableCloudError(LIES, f"data is of {data.dtype}, not of bytes")
+    return data
 
 
 def transformed(transform: Transform, xyz: NDArray[Any]) -> NDArray[np.float32]:
@@ -171,16 +220,16 @@ def _strided(data: NDArray[Any], layout: Layout, dtype: np.dtype[Any], offset: i
     return np.ndarray(shape, dtype, data.data, offset, strides)
 
 
-def _finite(xyz: NDArray[Any]) -> Points:
+def _finite(xyz: NDArray[Any]) -> tuple[Points, NDArray[np.bool_]]:
     """Drops what is no measurement. One sum per point finds all candidates, faster than looking at each."""
     with np.errstate(all="ignore"):
         sums = xyz @ np.ones(3, dtype=xyz.dtype)
-        finite = np.isfinite(sums)
+        keep = np.isfinite(sums)
     candidates = np.flatnonzero(sums == 0)
     zero = candidates[~xyz[candidates].any(axis=1)]
-    keep = finite
     keep[zero] = False
     kept = xyz if keep.all() else xyz.compress(keep, axis=0)
     if len(kept) and cv2.norm(kept, cv2.NORM_INF) > FARTHEST:
-        kept = kept[(np.abs(kept) <= FARTHEST).all(axis=1)]
-    return Points(kept, len(xyz) - len(kept) - len(zero), len(zero))
+        near = (np.abs(kept) <= FARTHEST).all(axis=1)
+        kept, keep[keep] = kept[near], near
+    return Points(kept, len(xyz) - len(kept) - len(zero), len(zero)), keep

@@ -21,6 +21,7 @@ class Topic:
     count: messages, by the log's own statistics.
     serialization: `ros1`, `cdr`, or what else the log says, such as `protobuf`.
     definition: text of the message definition, empty where the log has none; syntax: `msg`, `idl` or empty.
+    schema: what describes the messages of other encodings than ROS's own, as it stands in the log.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Topic:
     serialization: str
     definition: str = ""
     syntax: Literal["msg", "idl", ""] = ""
+    schema: bytes = b""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +48,18 @@ class Loss:
     start: int | None = None
     end: int | None = None
 
+    def __str__(self) -> str:
+        parts = [] if self.messages is None else [f"{self.messages} messages"]
+        parts += [] if self.bytes is None else [f"{self.bytes} bytes"]
+        if self.start is not None and self.end is not None:
+            parts.append(f"{(self.end - self.start) / 1e9:.1f} s at {self.start / 1e9:.3f}")
+        amount = f" ({', '.join(parts)})" if parts else ""
+        return f"{self.file}: {self.reason}{amount}"
+
 
 Message = tuple[Topic, int, Raw]
 Messages = Callable[[Collection[str], int | None, int | None], Iterator[Message]]
+Heads = Callable[[Collection[str], Collection[str], int | None, int | None], Iterator[Message]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +69,9 @@ class Container:
     start, end: first and last bag time [ns]; None without messages, or where only reading would tell.
     messages: (topic names, start, stop) -> messages with start <= bag time < stop, in the order of their bag
     times, ties always in the same order. Raises LogError where the file turns out to be damaged beyond use.
-    heads: the same messages, of which only the first HEAD bytes need be there.
+    heads: (topic names of which heads suffice, topic names that are needed whole, start, stop) -> the same
+    messages in the same order; of the former only the first HEAD bytes need be there, so a message shorter
+    than HEAD comes whole. A checksum over more than what is read is not looked at.
     losses: what cannot be read, each once; grows while messages are read.
     """
 
@@ -67,9 +80,20 @@ class Container:
     start: int | None
     end: int | None
     messages: Messages
-    heads: Messages
+    heads: Heads
     notices: tuple[str, ...] = ()
     losses: list[Loss] = field(default_factory=list)
+
+
+def whole_heads(messages: Messages) -> Heads:
+    """Heads where nothing is cheaper than whole messages."""
+
+    def heads(
+        names: Collection[str], whole: Collection[str], start: int | None, stop: int | None
+    ) -> Iterator[Message]:
+        return messages({*names, *whole}, start, stop)
+
+    return heads
 
 
 @contextmanager
@@ -111,6 +135,11 @@ def ros1_type(name: str) -> str:
     return name.replace("/msg/", "/")
 
 
+def printable(name: str) -> str:
+    """A name out of a file as it may stand in a line: damaged ones hold anything, line breaks too."""
+    return name if name.isprintable() else "".join(c if c.isprintable() else "\ufffd" for c in name)
+
+
 def merged_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:
     """One topic for every name and type, counts added, the first definition that is there; sorted by name."""
     merged: dict[tuple[str, str, str], Topic] = {}
@@ -120,7 +149,7 @@ def merged_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:
         if known is None:
             merged[key] = topic
         else:
-            source = known if known.definition else topic
+            source = known if known.definition or known.schema else topic
             merged[key] = replace(source, count=known.count + topic.count)
     return tuple(merged[key] for key in sorted(merged))
 

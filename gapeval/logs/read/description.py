@@ -1,7 +1,6 @@
 """What a log holds and what gapeval would make of it, for `gapeval info`."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,16 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.config import LogSection
+from gapeval.config import LogSection, RotatingLaser
 from gapeval.errors import LogError
-from gapeval.logs.read.cloud import DATATYPES, UnreadableCloudError, cloud_points
-from gapeval.logs.read.container import Container, Topic, ros1_type
-from gapeval.logs.read.message import POINT_CLOUD, UndecodableError, decode, frame_of, is_decodable
+from gapeval.logs.read.assembly import recording_of
+from gapeval.logs.read.cloud import DATATYPES, PackedCloud, UnreadableCloudError, cloud_points
+from gapeval.logs.read.container import Container, Loss, Topic, ros1_type
+from gapeval.logs.read.content import UndecodableError, laser_scan, packed_cloud, role_of
+from gapeval.logs.read.laser import echoes
 from gapeval.logs.read.opening import open_container
-from gapeval.logs.read.preparation import recording_of, survey_log
+from gapeval.logs.read.point_time import TimeField, timed_points
+from gapeval.logs.read.preparation import survey_log
 from gapeval.logs.read.recording import Recording
 from gapeval.logs.read.samples import build_tree, tf_topics
-from gapeval.logs.read.survey import Progress, take_survey
+from gapeval.logs.read.survey import Progress, Window, take_survey
 from gapeval.logs.read.transforms import Edge, TransformTree
 
 
@@ -42,7 +44,8 @@ class FieldSummary:
 class CloudSummary:
     """The first cloud of a topic. rate: clouds per second over the log; finite, not_finite, zero: points.
 
-    problem: why it cannot be read, else empty.
+    problem: why it cannot be read, else empty. time: where it has the time of each point; no_time: why there
+    is none.
     """
 
     topic: str
@@ -58,6 +61,22 @@ class CloudSummary:
     not_finite: int
     zero: int
     problem: str
+    time: TimeField | None
+    no_time: str
+
+
+@dataclass(frozen=True, slots=True)
+class PlanarSummary:
+    """The first scan of a topic. angles: of the first and last beam [deg]; time_increment: from beam to beam
+    [s]; echoes: beams that have one within the scan's limits.
+    """
+
+    topic: str
+    frame_id: str
+    beams: int
+    angles: tuple[float, float]
+    time_increment: float
+    echoes: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +113,10 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """start, end: bag times [ns]. choice: None where picking fails, and problem says why, in one line."""
+    """start, end: bag times [ns]. choice: None where picking fails, and problem says why, in one line.
+
+    losses: what cannot be read.
+    """
 
     path: str
     container: str
@@ -102,10 +124,12 @@ class Description:
     end: int | None
     topics: tuple[TopicSummary, ...]
     clouds: tuple[CloudSummary, ...]
+    scans: tuple[PlanarSummary, ...]
     transforms: tuple[EdgeSummary, ...]
     choice: Choice | None
     problem: str | None
     notices: tuple[str, ...]
+    losses: tuple[Loss, ...]
 
     def to_dict(self) -> dict[str, Any]:
         """For JSON; stamps are strings, since 2**53 is too small for them."""
@@ -121,14 +145,16 @@ def describe(path: Path, settings: LogSection, progress: Progress | None = None)
     with open_container(path) as container:
         topics, start, end, notices = container.topics, container.start, container.end, container.notices
         kind = container.kind
-        clouds = tuple(_clouds(container))
+        clouds, scans = tuple(_clouds(container)), tuple(_planar_scans(container))
+        losses = tuple(container.losses)
     problem, choice, tree = None, None, TransformTree()
     try:
         surveyed = survey_log(path, settings, progress)
-        tree, notices = surveyed.tree, surveyed.notices
+        tree, notices, losses = surveyed.tree, surveyed.notices, surveyed.losses
         times = surveyed.survey.headers.bag_times
-        clouds = tuple(_with_rate(c, times) if c.topic == surveyed.cloud_topic else c for c in clouds)
-        choice = _choice(recording_of(surveyed, settings))
+        clouds = tuple(_with_rate(c, times) if c.topic == surveyed.cloud_topics[0] else c for c in clouds)
+        recording = recording_of(surveyed, settings)
+        choice, notices = _choice(recording), recording.notices
     except LogError as error:
         problem = str(error)
         if not tree.edges:
@@ -140,26 +166,13 @@ def describe(path: Path, settings: LogSection, progress: Progress | None = None)
         end=end,
         topics=tuple(TopicSummary(t.name, ros1_type(t.type), t.serialization, t.count) for t in topics),
         clouds=clouds,
+        scans=scans,
         transforms=tuple(_edge(edge) for edge in tree.all_edges),
         choice=choice,
         problem=problem,
         notices=notices,
+        losses=losses,
     )
-
-
-def render(description: Description) -> str:
-    """The description as text for people, without a line break at its end."""
-    d = description
-    lines = [f"{d.path}: {d.container}{_span(d.start, d.end)}", "", "topics"]
-    lines += _table([(t.name, t.type, f"{t.count}", _foreign(t)) for t in d.topics])
-    for cloud in d.clouds:
-        lines += ["", *_cloud_lines(cloud)]
-    if d.transforms:
-        lines += ["", "transforms"]
-        lines += _table([(f"{e.parent} <- {e.child}", e.kind, _edge_rate(e), e.source) for e in d.transforms])
-    lines += ["", *(_choice_lines(d.choice) if d.choice is not None else [f"cannot be swept: {d.problem}"])]
-    lines += [f"note: {notice}" for notice in d.notices]
-    return "\n".join(lines)
 
 
 def _with_text_stamps(value: Any, name: str = "") -> Any:
@@ -175,16 +188,41 @@ def _with_text_stamps(value: Any, name: str = "") -> Any:
 
 def _clouds(container: Container) -> list[CloudSummary]:
     """The first cloud of every topic that has any."""
-    topics = {t.name: t for t in container.topics if t.type == POINT_CLOUD and t.count and is_decodable(t)}
+    topics = {t.name: t for t in container.topics if role_of(t) == "cloud" and t.count}
     summaries = []
     for name, topic in topics.items():
         messages = container.messages([name], None, None)
         try:
             found, _, raw = next(messages)
-            summaries.append(_cloud(topic, decode(found, raw), _rate(topic, container)))
-        except (StopIteration, LogError, UndecodableError):
+            summaries.append(_cloud(topic, packed_cloud(found, raw), _rate(topic, container)))
+        except (StopIteration, LogError, UndecodableError, UnreadableCloudError):
             # The problem comes up again, in full, when the log is surveyed.
             continue
+    return summaries
+
+
+def _planar_scans(container: Container) -> list[PlanarSummary]:
+    """The first scan of every topic of planar scans that has any."""
+    summaries = []
+    for topic in container.topics:
+        if role_of(topic) != "laser" or not topic.count:
+            continue
+        try:
+            found, _, raw = next(container.messages([topic.name], None, None))
+            scan = laser_scan(found, raw)
+        except (StopIteration, LogError, UndecodableError):
+            continue
+        last = scan.angle_min + scan.angle_increment * (len(scan.ranges) - 1)
+        summaries.append(
+            PlanarSummary(
+                topic=topic.name,
+                frame_id=scan.frame,
+                beams=len(scan.ranges),
+                angles=(math.degrees(scan.angle_min), math.degrees(last)),
+                time_increment=scan.time_increment,
+                echoes=len(echoes(scan, RotatingLaser()).points),
+            )
+        )
     return summaries
 
 
@@ -200,36 +238,35 @@ def _with_rate(cloud: CloudSummary, times: NDArray[np.int64]) -> CloudSummary:
     return replace(cloud, rate=(len(times) - 1) / (span / 1e9)) if span > 0 else cloud
 
 
-def _cloud(topic: Topic, message: Any, rate: float | None) -> CloudSummary:
+def _cloud(topic: Topic, cloud: PackedCloud, rate: float | None) -> CloudSummary:
     finite, not_finite, zero, problem = 0, 0, 0, ""
+    time, no_time = None, ""
     try:
-        points = cloud_points(message)
+        points = cloud_points(cloud)
         finite, not_finite, zero = len(points.xyz), points.not_finite, points.zero
+        _, time = timed_points(cloud)
     except UnreadableCloudError as error:
-        problem = str(error)
+        problem, no_time = (str(error), "") if not finite else ("", error.detail)
     fields = tuple(
-        FieldSummary(
-            str(f.name),
-            DATATYPES.get(int(f.datatype), (f"type {f.datatype}", ""))[0],
-            int(f.offset),
-            int(f.count),
-        )
-        for f in message.fields
+        FieldSummary(f.name, DATATYPES.get(f.datatype, (f"type {f.datatype}", ""))[0], f.offset, f.count)
+        for f in cloud.fields
     )
     return CloudSummary(
         topic=topic.name,
-        frame_id=frame_of(message.header.frame_id),
-        width=int(message.width),
-        height=int(message.height),
-        point_step=int(message.point_step),
-        row_step=int(message.row_step),
-        is_bigendian=bool(message.is_bigendian),
+        frame_id=cloud.frame,
+        width=cloud.width,
+        height=cloud.height,
+        point_step=cloud.point_step,
+        row_step=cloud.row_step,
+        is_bigendian=cloud.is_bigendian,
         fields=fields,
         rate=rate,
         finite=finite,
         not_finite=not_finite,
         zero=zero,
         problem=problem,
+        time=time,
+        no_time=no_time,
     )
 
 
@@ -238,8 +275,8 @@ def _tf_alone(path: Path, settings: LogSection, progress: Progress | None) -> Tr
     try:
         with open_container(path) as container:
             names = tf_topics(container.topics, settings.cloud_topic)
-            survey = take_survey(container, None, names, (), progress)
-        return build_tree(survey.samples, settings.transforms)[0]
+            survey, topics = take_survey(container, (), names, (), Window(), progress), container.topics
+        return build_tree(survey.samples, settings.transforms, topics)[0]
     except LogError:
         # The problem is told already.
         return TransformTree()
@@ -270,55 +307,3 @@ def _choice(recording: Recording) -> Choice:
         refused=dict(recording.refused),
         examples=dict(recording.examples),
     )
-
-
-def _choice_lines(choice: Choice) -> list[str]:
-    fixed = choice.fixed_frame or "none"
-    rows = [
-        ("cloud topic", choice.cloud_topic),
-        ("frames", f"robot {choice.robot_frame}, fixed {fixed}, sensor {choice.sensor_frame}"),
-        ("poses", choice.pose_source),
-        ("clouds", f"{choice.matched} of {choice.total} have all transforms"),
-        ("lowest ray", f"{choice.lowest_elevation:.2f} deg"),
-    ]
-    for reason, count in choice.refused.items():
-        shown = ", ".join(str(stamp) for stamp in choice.examples.get(reason, ()))
-        rows.append(("refused", f"{count} x {reason} (e.g. {shown})"))
-    return ["picked", *_table(rows)]
-
-
-def _cloud_lines(cloud: CloudSummary) -> list[str]:
-    rate = "" if cloud.rate is None else f", {cloud.rate:.2f} Hz"
-    order = "big" if cloud.is_bigendian else "little"
-    lines = [
-        f"clouds on {cloud.topic}: frame {cloud.frame_id or '(none)'}, {cloud.width} x {cloud.height}{rate}",
-        f"  {cloud.point_step} bytes per point, {order}-endian; first cloud: {cloud.finite} points, "
-        f"{cloud.not_finite} NaN or infinite, {cloud.zero} at (0, 0, 0)",
-    ]
-    if cloud.problem:
-        lines.append(f"  cannot be read: {cloud.problem}")
-    fields = [
-        (f.name, f.type + (f"[{f.count}]" if f.count > 1 else ""), f"at {f.offset}") for f in cloud.fields
-    ]
-    return lines + _table(fields)
-
-
-def _edge_rate(edge: EdgeSummary) -> str:
-    return f"{edge.count} x" + ("" if edge.rate is None else f", {edge.rate:.1f} Hz")
-
-
-def _foreign(topic: TopicSummary) -> str:
-    return "" if topic.serialization in ("ros1", "cdr") else topic.serialization
-
-
-def _span(start: int | None, end: int | None) -> str:
-    return "" if start is None or end is None else f", {(end - start) / 1e9:.1f} s from {start / 1e9:.3f}"
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    if not rows:
-        return []
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  " + "  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows
-    ]

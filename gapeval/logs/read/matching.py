@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from gapeval.config import LogSection
 from gapeval.errors import LogError
-from gapeval.logs.read.recording import Scans
-from gapeval.logs.read.survey import UNDECODABLE, CloudHeaders
+from gapeval.logs.read.recording import Sources
+from gapeval.logs.read.survey import UNDECODABLE, Headers
 from gapeval.logs.read.transforms import (
     AFTER,
     BEFORE,
@@ -37,11 +37,15 @@ Good = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Frames:
-    """The frames that were picked. sensor: None where each cloud's own frame is its laser's."""
+    """The frames that were picked. sensor: None where each cloud's own frame is its laser's.
+
+    reference: the robot's, or the fixed one where clouds are gathered while the robot moves.
+    """
 
     robot: str
     fixed: str | None
     sensor: str | None
+    reference: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,19 +76,21 @@ class Refusals:
 
 
 def match(
-    headers: CloudHeaders, tree: TransformTree, picked: Frames, settings: LogSection
-) -> tuple[Scans, Refusals]:
-    """The scans that have all their transforms, and the others by reason.
+    headers: Headers, offsets: Stamps, tree: TransformTree, picked: Frames, settings: LogSection
+) -> tuple[Sources, Refusals]:
+    """The messages that have all their transforms, and the others by reason.
 
+    offsets: (n, K) [ns], the times between which each message was measured, since its stamp.
     Raises LogError where a frame on the way has two parents, or a transform is none.
     """
     stamps = used_stamps(headers, settings)
     refusals = Refusals()
     refusals.add(UNDECODABLE, np.array(headers.undecodable, dtype=np.int64))
-    repeated = _repeated(stamps)
+    repeated = _repeated(headers.topics, stamps)
     refusals.add(REPEATED, stamps[repeated])
     good = ~repeated
-    cloud, sensor = Transforms.identity(len(stamps)), Transforms.identity(len(stamps))
+    count, width = offsets.shape
+    cloud, sensor = Transforms.identity(count * width), Transforms.identity(count)
     names = np.array(headers.frames, dtype=np.str_)
     for name in dict.fromkeys(headers.frames):
         own = name if picked.sensor is None else picked.sensor
@@ -93,26 +99,32 @@ def match(
             refusals.add(f"cloud in {name}, which is not a laser's own frame", stamps[rows])
             good &= ~rows
             continue
-        for column, source in ((cloud, name), (sensor, own)):
-            pair = (picked.robot, source)
+        for knot in range(width):
+            column = _Column(cloud, knot, width, stamps + offsets[:, knot])
+            pair = (picked.reference, name)
             good = _fill(column, good, good & (names == name), tree, pair, stamps, settings, refusals)
+        column = _Column(sensor, 0, 1, stamps)
+        good = _fill(
+            column, good, good & (names == name), tree, (picked.robot, own), stamps, settings, refusals
+        )
     pose = None
     if picked.fixed is not None:
-        pose = Transforms.identity(len(stamps))
-        good = _fill(pose, good, good, tree, (picked.fixed, picked.robot), stamps, settings, refusals)
-    return _scans(headers, stamps, good, cloud, sensor, pose), refusals
+        pose = Transforms.identity(count)
+        pair = (picked.fixed, picked.robot)
+        good = _fill(_Column(pose, 0, 1, stamps), good, good, tree, pair, stamps, settings, refusals)
+    return _sources(headers, stamps, offsets, good, cloud, sensor, pose), refusals
 
 
-def used_stamps(headers: CloudHeaders, settings: LogSection) -> Stamps:
+def used_stamps(headers: Headers, settings: LogSection) -> Stamps:
     """The stamps that the user asked for: of the headers, or of the bag."""
     return headers.bag_times if settings.stamps == "bag" else headers.stamps
 
 
 def check_matched(
-    scans: Scans, headers: CloudHeaders, refusals: Refusals, tree: TransformTree, settings: LogSection
+    matched: int, headers: Headers, refusals: Refusals, tree: TransformTree, settings: LogSection
 ) -> None:
     """Raises LogError where fewer clouds than `min_matched` have all their transforms, or none has."""
-    matched, total = len(scans), headers.total
+    total = headers.total
     if matched and matched >= settings.min_matched * total:
         return
     few = f"only {matched} of {total} clouds have" if matched else f"none of {total} clouds has"
@@ -126,7 +138,7 @@ def check_matched(
 
 
 def _explanation(
-    missing: Missing, headers: CloudHeaders, tree: TransformTree, settings: LogSection
+    missing: Missing, headers: Headers, tree: TransformTree, settings: LogSection
 ) -> tuple[str, str]:
     """Why a transform is missing, and what to do about it."""
     if missing.why == APART:
@@ -163,8 +175,23 @@ def _seconds(span: tuple[int, int], *spans: tuple[int, int]) -> str:
     return f"{(span[0] - base) / 1e9:.1f}-{(span[1] - base) / 1e9:.1f} s"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Column:
+    """Every `width`-th row of transforms, from `first` on: one for each message, at a time (n,) [ns] each."""
+
+    transforms: Transforms
+    first: int
+    width: int
+    times: Stamps
+
+    def write(self, rows: Good, found: Transforms) -> None:
+        places = self.first + self.width * np.flatnonzero(rows)
+        self.transforms.translation[places] = found.translation
+        self.transforms.quaternion[places] = found.quaternion
+
+
 def _fill(
-    column: Transforms,
+    column: _Column,
     good: Good,
     rows: Good,
     tree: TransformTree,
@@ -175,7 +202,7 @@ def _fill(
 ) -> Good:
     """Writes target<-source into the rows that have it; returns which rows are still good."""
     target, source = pair
-    found = lookup(tree, target, source, stamps[rows], settings.max_tf_gap)
+    found = lookup(tree, target, source, column.times[rows], settings.max_tf_gap)
     good = good.copy()
     if found is None:
         refusals.add(
@@ -189,36 +216,39 @@ def _fill(
             worst = found.distances[failed].max() / 1e9
             reason = f"no transform {target}<-{source} at their stamps: tf {text.format(f'{worst:.3g}')}"
             refusals.add(reason, stamps[rows][failed], Missing(target, source, why))
-    column.translation[rows] = found.transforms.translation
-    column.quaternion[rows] = found.transforms.quaternion
+    column.write(rows, found.transforms)
     good[np.flatnonzero(rows)[~found.valid]] = False
     return good
 
 
-def _repeated(stamps: Stamps) -> Good:
-    """Every cloud whose stamp an earlier cloud of the log has."""
+def _repeated(topics: NDArray[np.int64], stamps: Stamps) -> Good:
+    """Every cloud whose stamp an earlier cloud of its topic has."""
     again = np.ones(len(stamps), dtype=np.bool_)
-    again[np.unique(stamps, return_index=True)[1]] = False
+    again[np.unique(np.column_stack([topics, stamps]), axis=0, return_index=True)[1]] = False
     return again
 
 
-def _scans(
-    headers: CloudHeaders,
+def _sources(
+    headers: Headers,
     stamps: Stamps,
+    offsets: Stamps,
     good: Good,
     cloud: Transforms,
     sensor: Transforms,
     pose: Transforms | None,
-) -> Scans:
+) -> Sources:
     rows = np.flatnonzero(good)
-    rows = rows[np.argsort(stamps[rows], kind="stable")]
-    return Scans(
+    rows = rows[np.lexsort((headers.topics[rows], stamps[rows]))]
+    width = offsets.shape[1]
+    return Sources(
+        topics=headers.topics[rows],
         stamps=stamps[rows],
         bag_times=headers.bag_times[rows],
         ranks=headers.ranks[rows],
         indices=headers.indices[rows],
-        cloud_frames=tuple(headers.frames[i] for i in rows),
-        cloud=cloud.take(rows),
+        frames=tuple(headers.frames[i] for i in rows),
+        times=stamps[rows, None] + offsets[rows],
+        knots=cloud.take((rows[:, None] * width + np.arange(width)).ravel()),
         sensor=sensor.take(rows),
         pose=None if pose is None else pose.take(rows),
     )

@@ -5,20 +5,26 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from gapeval.errors import LogError
-from gapeval.logs.read import compression, mcap_index, ros1_bag, sqlite_file
-from gapeval.logs.read.container import Container, library_errors
+from gapeval.logs.read import compression, mcap_index, ros1_index, ros1_records, sqlite_file
+from gapeval.logs.read.cloud_folder import is_cloud_folder, open_cloud_folder
+from gapeval.logs.read.container import Container, Loss, library_errors
+from gapeval.logs.read.losses import CUT_COMPRESSED
 from gapeval.logs.read.mcap_file import open_mcap_file
+from gapeval.logs.read.mcap_records import MAGIC as MCAP
+from gapeval.logs.read.raw_file import raw_file
 from gapeval.logs.read.ros1_bag import open_ros1_bag
-from gapeval.logs.read.rosbag2_folder import open_rosbag2_folder
+from gapeval.logs.read.rosbag2_folder import METADATA, open_rosbag2_folder
 from gapeval.logs.read.sqlite_file import open_sqlite_file
 
 MAGIC_LENGTH = 16
-KNOWN = "a ROS 1 bag, a rosbag2 folder, a .db3 or an MCAP file"
+KNOWN = "a ROS 1 bag, a rosbag2 folder, a .db3, an MCAP file or a folder of clouds"
 
 
 def open_container(path: Path) -> AbstractContextManager[Container]:
     """An open log. Raises LogError, in one line, for what is missing, no log, or damaged."""
     if path.is_dir():
+        if not (path / METADATA).exists() and is_cloud_folder(path):
+            return open_cloud_folder(path)
         return open_rosbag2_folder(path, open_file)
     return open_file(path)
 
@@ -26,11 +32,11 @@ def open_container(path: Path) -> AbstractContextManager[Container]:
 def open_file(path: Path) -> AbstractContextManager[Container]:
     """One file of a log, by itself."""
     magic = _magic(path)
-    if magic.startswith(ros1_bag.MAGIC):
+    if magic.startswith(ros1_records.MAGIC):
         return open_ros1_bag(path)
     if magic.startswith(sqlite_file.MAGIC):
         return open_sqlite_file(path)
-    if magic.startswith(mcap_index.MAGIC):
+    if magic.startswith(MCAP):
         return open_mcap_file(path)
     if magic.startswith(compression.MAGIC):
         return _open_compressed(path)
@@ -46,19 +52,25 @@ def is_costly_to_open(path: Path) -> bool:
 
 def _is_costly(path: Path) -> bool:
     magic = _magic(path)
-    if not magic.startswith(mcap_index.MAGIC):
-        return magic.startswith(compression.MAGIC)
-    with library_errors(path, "MCAP", "record it again"), path.open("rb") as stream:
-        return not mcap_index.is_indexed(stream)
+    if magic.startswith(MCAP):
+        with raw_file(path) as file:
+            return not mcap_index.is_indexed(file)
+    if magic.startswith(ros1_records.MAGIC):
+        with raw_file(path) as file:
+            return not ros1_index.is_indexed(file)
+    return magic.startswith(compression.MAGIC)
 
 
 @contextmanager
 def _open_compressed(path: Path) -> Iterator[Container]:
-    with compression.decompressed_file(path) as copy:
+    with compression.decompressed_file(path) as (copy, left):
         if _magic(copy).startswith(compression.MAGIC):
             raise LogError(f"{path}: compressed more than once; unpack it with `zstd -d`")
         try:
             with open_file(copy) as container:
+                # A copy that is cut says so itself.
+                if left is not None and not container.losses:
+                    container.losses.append(Loss(path.name, CUT_COMPRESSED, left))
                 yield container
         except LogError as error:
             # The copy is gone when the line is read.

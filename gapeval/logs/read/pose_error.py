@@ -4,7 +4,7 @@ import numpy as np
 
 from gapeval.config import LogSection, PoseError, PoseNoise
 from gapeval.frame import FloatArray
-from gapeval.logs.read.transforms import Stamps, Transforms, compose
+from gapeval.logs.read.transforms import Stamps, Transforms
 
 NO_ERROR, NO_NOISE = PoseError(), PoseNoise()
 UNSIGNED = 2**64  # a generator's seed cannot be negative
@@ -17,22 +17,21 @@ def errors_asked(settings: LogSection) -> tuple[PoseError | None, PoseNoise | No
     return None if error == NO_ERROR else error, None if silent else noise
 
 
-def with_errors(
-    cloud: Transforms, stamps: Stamps, error: PoseError | None, noise: PoseNoise | None
-) -> Transforms:
-    """robot<-cloud as a robot has it that errs in its attitude and height, (n,); stamps: (n,) [ns].
+def error_of(stamps: Stamps, error: PoseError | None, noise: PoseNoise | None) -> Transforms | None:
+    """What a robot that errs in its attitude and height makes of its own frame at stamps (n,) [ns]: wrong
+    robot<-robot, (n,); None where it does not err.
 
     As where a cloud is assembled in the fixed frame and comes back by another pose: the points move, the
     sensor on the robot does not.
     """
     if error is None and noise is None:
-        return cloud
+        return None
     amount = np.zeros((len(stamps), 3))
     if error is not None:
         amount += (error.roll, error.pitch, error.height)
     if noise is not None:
         amount += _drawn(stamps, noise.seed) * (noise.roll, noise.pitch, noise.height)
-    return compose(_wrong(amount), cloud)
+    return _wrong(amount)
 
 
 def _drawn(stamps: Stamps, seed: int) -> FloatArray:

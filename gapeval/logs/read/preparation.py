@@ -1,28 +1,28 @@
-"""A log's file -> its recording: one pass, then topics, frames and transforms are settled."""
+"""A log's file, surveyed in one pass, with the topics that are to be read."""
 
 import math
-from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from gapeval.config import LogSection
 from gapeval.errors import LogError
-from gapeval.logs.read.container import Topic, naming
-from gapeval.logs.read.matching import Frames, check_matched, match
+from gapeval.logs.read.cloud import UnreadableCloudError
+from gapeval.logs.read.container import Container, Loss, Topic, naming
+from gapeval.logs.read.content import head_suffices, role_of, timed_cloud
+from gapeval.logs.read.foxglove_message import check_extra
+from gapeval.logs.read.laser import increment
+from gapeval.logs.read.message import UndecodableError
 from gapeval.logs.read.opening import open_container
-from gapeval.logs.read.playback import measure_lowest_elevation
-from gapeval.logs.read.pose_error import errors_asked, with_errors
-from gapeval.logs.read.recording import Recording
-from gapeval.logs.read.samples import Samples, build_tree, pose_edge, pose_topics, tf_topics
-from gapeval.logs.read.selection import (
-    choose_cloud_topic,
-    choose_fixed_frame,
-    choose_pose_topic,
-    choose_robot_frame,
-    choose_sensor_frame,
-)
-from gapeval.logs.read.survey import CloudHeaders, Progress, Survey, read_poses, take_survey
-from gapeval.logs.read.transforms import TransformTree, find_path, with_pose
+from gapeval.logs.read.samples import Samples, build_tree, pose_topics, tf_topics
+from gapeval.logs.read.selection import choose_cloud_topics, choose_pose_topic
+from gapeval.logs.read.survey import Headers, Progress, Survey, Window, take_survey
+from gapeval.logs.read.transforms import Stamps, TransformTree
+
+KNOT = 5_000_000  # ns between two transforms of one deskewed cloud
+LARGE = 4 << 30  # bytes
+LOOKED_AT = 10  # clouds whose points' times are looked at beforehand
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,22 +38,21 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Surveyed:
-    """A log after its one pass: nothing is chosen yet but the topics that were read."""
+    """A log after its one pass: nothing is chosen yet but the topics that were read.
+
+    offsets: (n, K) [ns], the times since its stamp between which each message was measured.
+    """
 
     path: Path
     opened: Opened
-    cloud_topic: str
+    cloud_topics: tuple[str, ...]
+    planar: bool
+    window: Window
     survey: Survey
+    offsets: Stamps
     tree: TransformTree
     notices: tuple[str, ...]
-
-
-def read_recording(path: Path, settings: LogSection, progress: Progress | None = None) -> Recording:
-    """Everything about a log but its clouds, in one pass; progress: (messages read, all messages).
-
-    Raises LogError, in one line, for what cannot be read, or leaves a choice that the user must make.
-    """
-    return recording_of(survey_log(path, settings, progress), settings)
+    losses: tuple[Loss, ...]
 
 
 def survey_log(path: Path, settings: LogSection, progress: Progress | None = None) -> Surveyed:
@@ -61,77 +60,89 @@ def survey_log(path: Path, settings: LogSection, progress: Progress | None = Non
     with open_container(path) as container:
         opened = Opened(container.kind, container.topics, container.start, container.end, container.notices)
         with naming(path):
-            cloud_topic = choose_cloud_topic(container.topics, settings.cloud_topic).name
-            tf = tf_topics(container.topics, cloud_topic)
+            window = wanted_window(container, settings)
+            clouds = choose_cloud_topics(container.topics, settings)
+            names = tuple(topic.name for topic in clouds)
+            planar = role_of(clouds[0]) == "laser"
+            tf = tf_topics(container.topics, names[0])
             poses = _poses_to_read(container.topics, settings, tf)
-        survey = take_survey(container, cloud_topic, tf, poses, progress)
+            for topic in container.topics:
+                if topic.name in (*names, *tf, *poses):
+                    check_extra(topic)
+        heads = tuple(topic.name for topic in clouds if _by_its_head(topic)) if is_large(path) else ()
+        survey = take_survey(container, names, (*tf, *poses), heads, window, progress)
+        with naming(path):
+            offsets = _offsets(container, clouds, survey.headers, window, settings)
+        losses = tuple(container.losses) or tuple(
+            Loss(path.name, f"fewer messages on {name} than the log's own statistics say", messages=count)
+            for name, count in survey.lacking.items()
+        )
     samples: Samples = {key: rows for key, rows in survey.samples.items() if key[2] in tf}
-    tree, notices = build_tree(samples, settings.transforms)
-    return Surveyed(path, opened, cloud_topic, survey, tree, (*opened.notices, *survey.notices, *notices))
+    tree, notices = build_tree(samples, settings.transforms, opened.topics)
+    notices = (*opened.notices, *survey.notices, *notices)
+    return Surveyed(path, opened, names, planar, window, survey, offsets, tree, notices, losses)
 
 
-def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
-    """Chooses the frames, looks up every transform, measures the lowest ray, and errs as it is asked to."""
-    with naming(surveyed.path):
-        headers = _named(surveyed, settings)
-        cloud_frame = Counter(headers.frames).most_common(1)[0][0]
-        pose_names = {topic.name for topic in pose_topics(surveyed.opened.topics)}
-        posed = sorted({child for _, child, name in surveyed.survey.samples if name in pose_names and child})
-        robot = choose_robot_frame(surveyed.tree, cloud_frame, posed, settings.robot_frame)
-        tree = _with_poses(surveyed, settings, robot)
-        fixed = choose_fixed_frame(tree, robot, settings.fixed_frame)
-        sensor = choose_sensor_frame(tree, cloud_frame, robot, fixed, settings.sensor_frame)
-        picked = Frames(robot, fixed, None if settings.sensor_frame is None else sensor)
-        scans, refusals = match(headers, tree, picked, settings)
-        check_matched(scans, headers, refusals, tree, settings)
-    recording = Recording(
-        path=surveyed.path,
-        container=surveyed.opened.kind,
-        topics=surveyed.opened.topics,
-        cloud_topic=surveyed.cloud_topic,
-        pose_source="none" if fixed is None else "tf" if tree.pose is None else tree.pose.source,
-        robot_frame=robot,
-        fixed_frame=fixed,
-        sensor_frame=sensor,
-        cloud_frames=tuple(dict.fromkeys(headers.frames)),
-        start=surveyed.opened.start,
-        end=surveyed.opened.end,
-        lowest_elevation=settings.lowest_elevation.get(surveyed.path.name, math.nan),
-        scans=scans,
-        total=headers.total,
-        refused=refusals.counts,
-        examples=refusals.examples,
-        notices=surveyed.notices,
-    )
-    if math.isnan(recording.lowest_elevation):
-        recording = replace(recording, lowest_elevation=measure_lowest_elevation(recording))
-    return erring(recording, settings)
+def is_large(path: Path) -> bool:
+    """Whether opening a log should not take as long as reading it: its clouds are not checked beforehand."""
+    files = path.rglob("*") if path.is_dir() else [path]
+    return sum(file.stat().st_size for file in files if file.is_file()) > LARGE
 
 
-def erring(recording: Recording, settings: LogSection) -> Recording:
-    """With the errors of poses that are asked for; after all that is measured of the true ones."""
-    error, noise = errors_asked(settings)
-    scans = recording.scans
-    cloud = with_errors(scans.cloud, scans.stamps, error, noise)
-    return replace(recording, scans=replace(scans, cloud=cloud), pose_error=error, pose_noise=noise)
+def _by_its_head(topic: Topic) -> bool:
+    return head_suffices(topic) and role_of(topic) == "cloud"
 
 
-def _named(surveyed: Surveyed, settings: LogSection) -> CloudHeaders:
-    """The headers of the clouds, those without a frame put into the sensor frame that the user named.
+def wanted_window(container: Container, settings: LogSection) -> Window:
+    """Bag times of what is asked for. Raises LogError where nothing of the log lies there."""
+    if settings.start is None and settings.end is None:
+        return Window()
+    if container.start is None or container.end is None:
+        raise LogError("when it begins is not known before it is read whole; leave out --start and --end")
+    length = (container.end - container.start) / 1e9
+    first, last = settings.start or 0.0, length if settings.end is None else settings.end
+    if first > length or last < 0 or first > last:
+        span = f"from {first:g} to {last:g} s"
+        raise LogError(f"nothing {span}, it is {length:.1f} s long; give another --start and --end")
+    begin = container.start + round(first * 1e9)
+    stop = None if settings.end is None else container.start + round(settings.end * 1e9) + 1
+    return Window(None if settings.start is None else begin, stop)
 
-    Raises LogError where no cloud can be decoded, or none has a frame.
-    """
-    headers, topic = surveyed.survey.headers, surveyed.cloud_topic
-    if not headers.total:
-        raise LogError(f"no message can be read on {topic}; record it again")
-    if not headers.frames:
-        raise LogError(f"no cloud on {topic} can be decoded: {headers.why}; record it again")
-    if settings.sensor_frame is not None:
-        sensor = settings.sensor_frame.lstrip("/")
-        return replace(headers, frames=tuple(name or sensor for name in headers.frames))
-    if not any(headers.frames):
-        raise LogError(f"the clouds on {topic} name no frame; name it with -p log.sensor_frame=...")
-    return headers
+
+def _offsets(
+    container: Container, clouds: tuple[Topic, ...], headers: Headers, window: Window, settings: LogSection
+) -> Stamps:
+    """When the first and last points of each message were measured, since its stamp, (n, K) [ns]."""
+    count = len(headers.stamps)
+    if role_of(clouds[0]) == "laser":
+        seconds = np.array([increment(own, settings.laser) for own in headers.increments.tolist()])
+        span = np.round(np.maximum(headers.beams - 1, 0) * seconds * 1e9).astype(np.int64)
+        return np.column_stack([np.zeros(count, dtype=np.int64), span])
+    if not settings.deskew:
+        return np.zeros((count, 1), dtype=np.int64)
+    spans = [_measured_span(container, topic.name, window) for topic in clouds]
+    knots = max(2, *(math.ceil((last - first) / KNOT) + 1 for first, last in spans))
+    table = np.array([np.linspace(*span, knots) for span in spans])
+    return np.round(table).astype(np.int64)[headers.topics]
+
+
+def _measured_span(container: Container, name: str, window: Window) -> tuple[int, int]:
+    """Between which times since its stamp a message's points are measured, with room: of the first ones."""
+    firsts, lasts, why = [], [], ""
+    for topic, _, raw in container.messages([name], window.start, window.stop):
+        try:
+            times = timed_cloud(topic, raw).nanoseconds
+        except (UndecodableError, UnreadableCloudError) as error:
+            why = why or str(error)
+            continue
+        firsts.append(int(times.min()))
+        lasts.append(int(times.max()))
+        if len(firsts) == LOOKED_AT:
+            break
+    if not firsts:
+        raise LogError(f"log.deskew needs the time of each point of {name} ({why}); leave it out")
+    room = max((max(lasts) - min(firsts)) // 50, 10**5)  # a turn is not always equally long
+    return min(firsts) - room, max(lasts) + room
 
 
 def _poses_to_read(topics: tuple[Topic, ...], settings: LogSection, tf: tuple[str, ...]) -> tuple[str, ...]:
@@ -140,28 +151,3 @@ def _poses_to_read(topics: tuple[Topic, ...], settings: LogSection, tf: tuple[st
         return (choose_pose_topic(topics, settings.pose_topic).name,)
     candidates = pose_topics(topics)
     return (candidates[0].name,) if not tf and len(candidates) == 1 else ()
-
-
-def _with_poses(surveyed: Surveyed, settings: LogSection, robot: str) -> TransformTree:
-    """The tree, with a pose topic where one was named, or where tf alone leaves the robot without a pose."""
-    tree, samples = surveyed.tree, surveyed.survey.samples
-    if settings.pose_topic is not None:
-        topic = choose_pose_topic(surveyed.opened.topics, settings.pose_topic).name
-    else:
-        candidates = pose_topics(surveyed.opened.topics)
-        if not candidates or _is_posed(tree, robot, settings.fixed_frame):
-            return tree
-        if len(candidates) > 1:
-            listed = ", ".join(f"{t.name} ({t.count})" for t in candidates)
-            raise LogError(f"tf does not place {robot} in the world, choose with --pose-topic: {listed}")
-        topic = candidates[0].name
-        if not any(name == topic for _, _, name in samples):
-            samples = read_poses(surveyed.path, topic)
-    return with_pose(tree, pose_edge(samples, topic, robot, settings.fixed_frame))
-
-
-def _is_posed(tree: TransformTree, robot: str, fixed_frame: str | None) -> bool:
-    """Whether tf alone leads from the robot to the fixed frame."""
-    if fixed_frame is not None:
-        return find_path(tree, fixed_frame.lstrip("/"), robot) is not None
-    return choose_fixed_frame(tree, robot, None) is not None

@@ -1,70 +1,83 @@
-"""ROS 1 bags of version 2.0: plain, lz4 and bz2 chunks."""
+"""ROS 1 bags of version 2.0: plain, lz4 and bz2 chunks, whole or broken."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
-from rosbags.interfaces import Connection
-from rosbags.rosbag1 import Reader
-
 from gapeval.errors import LogError
-from gapeval.logs.read.container import Container, Message, Topic, library_errors, merged_topics
+from gapeval.logs.read.blocks import BlockLog, undescribed
+from gapeval.logs.read.container import Container, Topic, library_errors, merged_topics, printable, ros2_type
+from gapeval.logs.read.losses import Losses
+from gapeval.logs.read.raw_file import RawFile, raw_file
+from gapeval.logs.read.ros1_chunk import read_chunk, read_heads
+from gapeval.logs.read.ros1_index import read_index
+from gapeval.logs.read.ros1_records import FIRST, MAGIC, Chunk, Connection, Index
+from gapeval.logs.read.ros1_salvage import walked
 
 KIND = "ROS 1 bag"
-MAGIC = b"#ROSBAG V"
+ADVICE = "record it again"
 
 
 @contextmanager
 def open_ros1_bag(path: Path) -> Iterator[Container]:
-    """A ROS 1 bag. Raises LogError for one that is not indexed, damaged, encrypted or of version 1."""
-    _check_header(path)
-    with library_errors(path, KIND, f"`rosbag reindex {path.name}` may mend it"):
-        reader = Reader(path)
-        reader.open()
-    try:
-        with library_errors(path, KIND, f"`rosbag reindex {path.name}` may mend it"):
-            empty = not reader.chunk_infos or not reader.message_count
-            container = Container(
-                kind=KIND,
-                topics=merged_topics(_topic(reader, connection) for connection in reader.connections),
-                start=None if empty else reader.start_time,
-                end=None if empty else reader.end_time - 1,
-                messages=partial(_messages, reader, path),
-                heads=partial(_messages, reader, path),
-            )
-        yield container
-    finally:
-        reader.close()
+    """A ROS 1 bag. Raises LogError where it is encrypted or of version 1, or nothing of it can be read."""
+    losses = Losses()
+    with raw_file(path) as file:
+        _check_version(file)
+        with library_errors(path, KIND, ADVICE):
+            index = read_index(file, losses)
+            blocks, topics = _described(file, losses, index)
+        if losses.found and not blocks:
+            reason = losses.found[0].reason
+            raise LogError(f"{path}: damaged {KIND} ({reason}), of which nothing can be read; {ADVICE}")
+        log = BlockLog(
+            file=file,
+            kind=KIND,
+            blocks=blocks,
+            topics=topics,
+            losses=losses,
+            read=partial(read_chunk, file),
+            read_heads=partial(read_heads, file),
+            unpack=lambda raw: raw,
+            walk=lambda: _described(file, losses, walked(file, losses)),
+            is_walked=bool(index.notices),
+        )
+        yield Container(
+            kind=KIND,
+            topics=merged_topics(topics.values()),
+            start=log.start,
+            end=log.end,
+            messages=log.messages,
+            heads=log.heads,
+            notices=index.notices,
+            losses=losses.found,
+        )
 
 
-def _check_header(path: Path) -> None:
-    """The two conditions that have a better answer than `damaged`."""
-    with library_errors(path, KIND, "record it again"), path.open("rb") as file:
-        head = file.read(4096)
-    version = head.partition(b"\n")[0].removeprefix(MAGIC)
-    if version != b"2.0":
-        shown = version[:8].decode("ascii", "replace")
-        raise LogError(f"{path}: ROS bag of version {shown}; convert it to 2.0 with `rosbag fix`")
-    if b"index_pos=" + bytes(8) in head:
-        advice = f"`rosbag reindex {path.name}` writes its index"
-        raise LogError(f"{path}: this ROS 1 bag was never closed and has no index; {advice}")
+def _check_version(file: RawFile) -> None:
+    first = file.upto(0, len(FIRST))
+    if first != FIRST:
+        shown = first.removeprefix(MAGIC).partition(b"\n")[0][:8].decode("ascii", "replace")
+        version = shown if shown.isprintable() else "?"
+        raise LogError(f"{file.path}: ROS bag of version {version}; convert it to 2.0 with `rosbag fix`")
 
 
-def _topic(reader: Reader, connection: Connection) -> Topic:
-    # The chunks' own counts: the index is what gets read, so that a difference between the two shows.
-    count = sum(chunk.connection_counts.get(connection.id, 0) for chunk in reader.chunk_infos)
-    text = connection.msgdef.data
-    return Topic(connection.topic, connection.msgtype, count, "ros1", text, "msg" if text.strip() else "")
+def _described(file: RawFile, losses: Losses, index: Index) -> tuple[list[Chunk], dict[int, Topic]]:
+    """The chunks that hold anything, and the topics; says which messages are of none."""
+    counts = index.counts
+    chunks = [chunk for chunk in index.chunks if chunk.counts]
+    for loss in undescribed(file, counts, chunks, index.connections):
+        losses.add(loss)
+    topics = {owner: _topic(found, counts[owner]) for owner, found in index.connections.items()}
+    return chunks, topics
 
 
-def _messages(
-    reader: Reader, path: Path, names: Collection[str], start: int | None, stop: int | None
-) -> Iterator[Message]:
-    connections = [c for c in reader.connections if c.topic in names]
-    if not connections:
-        return
-    topics = {c.id: _topic(reader, c) for c in connections}
-    with library_errors(path, KIND, f"`rosbag reindex {path.name}` may mend it"):
-        for connection, time, data in reader.messages(connections, start, stop):
-            yield topics[connection.id], time, data
+def _topic(connection: Connection, count: int) -> Topic:
+    text = connection.definition
+    # `//a//b/` and `/a/b` are the same topic.
+    name = "/" * connection.topic.startswith("/") + "/".join(
+        part for part in connection.topic.split("/") if part
+    )
+    kind = ros2_type(printable(connection.type))
+    return Topic(printable(name), kind, count, "ros1", text, "msg" if text.strip() else "")

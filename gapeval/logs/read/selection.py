@@ -2,34 +2,74 @@
 
 from collections.abc import Iterable, Sequence
 
+from gapeval.config import LogSection
 from gapeval.errors import LogError
 from gapeval.logs.read.container import Topic, ros1_type
-from gapeval.logs.read.message import POINT_CLOUD, is_decodable
-from gapeval.logs.read.samples import POSE_TYPES, pose_topics
+from gapeval.logs.read.content import role_of
+from gapeval.logs.read.message import POSE_TYPES, is_decodable
+from gapeval.logs.read.samples import pose_topics
 from gapeval.logs.read.transforms import TransformTree, ancestors, find_path, frames
 
-READS = "gapeval reads sensor_msgs/PointCloud2"
+READS = "gapeval reads PointCloud2, LaserScan, MultiEchoLaserScan, and what Livox and Foxglove have for them"
 # Types that hold laser scans which gapeval cannot read.
-OTHER_SCANS = ("LaserScan", "MultiEchoLaserScan", "CustomMsg", "PointCloud", "VelodyneScan", "PacketMsg")
+OTHER_SCANS = ("PointCloud", "VelodyneScan", "PacketMsg")
 ROBOT_NAMES = ("base_link", "base_footprint")
 FIXED_NAMES = ("map", "odom", "world")
 NEVER_ROBOT = (*FIXED_NAMES, "earth", "utm", "global", "odom_combined")
 LISTED = 12  # candidates that fit into one line
 
 
-def choose_cloud_topic(topics: Sequence[Topic], asked: str | None) -> Topic:
-    """The topic of the clouds. Raises LogError, with the candidates, where there is not exactly one."""
-    clouds = [t for t in topics if t.type == POINT_CLOUD and is_decodable(t)]
+def choose_cloud_topics(topics: Sequence[Topic], settings: LogSection) -> tuple[Topic, ...]:
+    """The topics of the clouds or planar scans: those that are asked for, else the only one that there is.
+
+    A planar laser is chosen by itself only where there is no topic of clouds. Raises LogError, with the
+    candidates, where there is a choice, or where several are asked for that do not go together.
+    """
+    clouds = [t for t in topics if role_of(t) == "cloud"]
+    planar = [t for t in topics if role_of(t) == "laser"]
     candidates = [t for t in clouds if t.count]
-    if asked is not None:
-        return _asked_topic(topics, candidates, asked)
+    lasers = [t for t in planar if t.count]
+    asked = settings.cloud_topics or (() if settings.cloud_topic is None else (settings.cloud_topic,))
+    if asked:
+        found = tuple(_asked_topic(topics, [*candidates, *lasers], name) for name in asked)
+        if len({topic.name for topic in found}) < len(found):
+            raise LogError(f"a topic is named twice in --cloud-topic: {_listed(asked)}; name each once")
+        if len(found) > 1 and any(topic in lasers for topic in found):
+            raise LogError("planar scans are not merged with other topics; name one --cloud-topic")
+        return found
     if len(candidates) == 1:
-        return candidates[0]
+        return (candidates[0],)
     if candidates:
-        raise LogError(f"several topics have clouds, choose with --cloud-topic: {_counted(candidates)}")
-    if clouds:
-        raise LogError(f"no message on {_listed(t.name for t in clouds)}; record it again")
+        raise LogError(
+            f"several topics have clouds, choose with --cloud-topic, or name several to merge them: "
+            f"{_counted(candidates)}"
+        )
+    if lasers and not any(role_of(t) == "tf" and t.count for t in topics):
+        raise LogError(
+            f"no clouds and no transforms: the log has planar scans on {_counted(lasers)}, of which "
+            "gapeval makes clouds only where /tf tells how the laser turns"
+        )
+    if len(lasers) == 1:
+        return (lasers[0],)
+    if lasers:
+        raise LogError(f"several topics have planar scans, choose with --cloud-topic: {_counted(lasers)}")
+    if clouds or planar:
+        raise LogError(f"no message on {_listed(t.name for t in (*clouds, *planar))}; record it again")
     raise LogError(_without_clouds(topics))
+
+
+def choose_imu_topic(topics: Sequence[Topic], asked: str | None) -> Topic | None:
+    """The topic named with log.imu_topic, else the only one there is; None where there is none, or a choice.
+
+    Raises LogError, with the candidates, for a wrong name.
+    """
+    candidates = [t for t in topics if role_of(t) == "imu" and t.count]
+    if asked is None:
+        return candidates[0] if len(candidates) == 1 else None
+    for topic in candidates:
+        if _same(topic.name, asked):
+            return topic
+    raise LogError(f"no topic {asked} for log.imu_topic; the log has {_counted(candidates) or 'none'}")
 
 
 def choose_pose_topic(topics: Sequence[Topic], asked: str) -> Topic:
@@ -117,9 +157,10 @@ def _asked_topic(topics: Sequence[Topic], candidates: Sequence[Topic], asked: st
             return topic
     have = f"clouds are on {_counted(candidates)}" if candidates else _without_clouds(topics)
     for topic in topics:
-        if _same(topic.name, asked) and topic.type == POINT_CLOUD and not topic.count:
+        is_scan = role_of(topic) in ("cloud", "laser")
+        if _same(topic.name, asked) and is_scan:
             raise LogError(f"no message on --cloud-topic {asked}; {have}")
-        if _same(topic.name, asked) and not (topic.type == POINT_CLOUD and is_decodable(topic)):
+        if _same(topic.name, asked):
             kind = _described_type(topic)
             raise LogError(f"--cloud-topic {asked} is {kind}, and {READS}; {have}")
     raise LogError(f"no topic {asked} for --cloud-topic; {have}")

@@ -35,6 +35,9 @@ class Transforms:
     def take(self, indices: NDArray[np.intp] | NDArray[np.bool_]) -> Self:
         return type(self)(self.translation[indices], self.quaternion[indices])
 
+    def part(self, rows: slice) -> Self:
+        return type(self)(self.translation[rows], self.quaternion[rows])
+
     @classmethod
     def identity(cls, count: int) -> Self:
         return cls(np.zeros((count, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
@@ -45,6 +48,7 @@ class Edge:
     """Samples of parent<-child, sorted by stamp, one per stamp. A fixed edge has one and holds for all time.
 
     source: where it comes from, for error lines: a topic's name or `log.transforms`.
+    covariances: (n, 6, 6) of the samples as ROS has them, NaN where one says nothing; None where none does.
     """
 
     parent: str
@@ -53,6 +57,7 @@ class Edge:
     stamps: Stamps
     samples: Transforms
     source: str
+    covariances: FloatArray | None = None
 
     @property
     def is_static(self) -> bool:
@@ -212,10 +217,7 @@ def interpolated(edge: Edge, stamps: Stamps, max_gap: float) -> tuple[Transforms
             nothing,
         )
     times = edge.stamps
-    after = np.searchsorted(times, stamps, side="left")
-    right = np.minimum(after, len(times) - 1)
-    # A stamp that is in the log needs no neighbour.
-    left = np.where(times[right] == stamps, right, np.maximum(right - 1, 0))
+    left, right = _neighbours(times, stamps)
     width = times[right] - times[left]
     share = np.where(width > 0, stamps - times[left], 0) / np.maximum(width, 1)
     why = np.where(width > round(max_gap * 1e9), GAP, OK).astype(np.int8)
@@ -227,6 +229,42 @@ def interpolated(edge: Edge, stamps: Stamps, max_gap: float) -> tuple[Transforms
     a, b = edge.samples.translation[left], edge.samples.translation[right]
     rotation = slerp(quaternions[left], quaternions[right], share)
     return Transforms(a + (b - a) * share, rotation), why, distance.astype(np.int64)
+
+
+def _neighbours(times: Stamps, stamps: Stamps) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The samples before and after each stamp (n,), the same one twice where it is at the stamp."""
+    right = np.minimum(np.searchsorted(times, stamps, side="left"), len(times) - 1)
+    # A stamp that is in the log needs no neighbour.
+    return np.where(times[right] == stamps, right, np.maximum(right - 1, 0)), right
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bracket:
+    """Transforms target<-source of the samples before and after some stamps, and how far apart these are.
+
+    width: (n,) [ns], the widest of all edges on the way; 0 where nothing was interpolated.
+    """
+
+    before: Transforms
+    after: Transforms
+    width: Stamps
+
+
+def bracket(tree: TransformTree, target: str, source: str, stamps: Stamps) -> Bracket:
+    """What `lookup` interpolated between, at stamps (n,) for which it found transforms."""
+    before = after = Transforms.identity(len(stamps))
+    width = np.zeros(len(stamps), dtype=np.int64)
+    for edge, direction in find_path(tree, target, source) or ():
+        left = right = np.zeros(len(stamps), dtype=np.intp)
+        if not edge.is_static:
+            left, right = _neighbours(edge.stamps, stamps)
+            width = np.maximum(width, edge.stamps[right] - edge.stamps[left])
+        samples = Transforms(edge.samples.translation, _normalised(edge))
+        parts = (samples.take(left), samples.take(right))
+        if direction == "down":
+            parts = (inverse(parts[0]), inverse(parts[1]))
+        before, after = compose(parts[0], before), compose(parts[1], after)
+    return Bracket(before, after, width)
 
 
 def slerp(a: FloatArray, b: FloatArray, share: FloatArray) -> FloatArray:
@@ -248,9 +286,14 @@ def slerp(a: FloatArray, b: FloatArray, share: FloatArray) -> FloatArray:
 def compose(outer: Transforms, inner: Transforms) -> Transforms:
     """outer after inner, row by row."""
     turned = np.einsum("nij,nj->ni", rotation_matrices(outer.quaternion), inner.translation)
-    x1, y1, z1, w1 = outer.quaternion.T
-    x2, y2, z2, w2 = inner.quaternion.T
-    product = np.stack(
+    return Transforms(turned + outer.translation, product(outer.quaternion, inner.quaternion))
+
+
+def product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Quaternions (n, 4): one after the other, row by row."""
+    x1, y1, z1, w1 = one.T
+    x2, y2, z2, w2 = other.T
+    return np.stack(
         [
             w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
             w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
@@ -259,11 +302,24 @@ def compose(outer: Transforms, inner: Transforms) -> Transforms:
         ],
         axis=1,
     )
-    return Transforms(turned + outer.translation, product)
+
+
+def conjugate(quaternions: FloatArray) -> FloatArray:
+    """The way back of unit quaternions (n, 4)."""
+    return quaternions * [-1.0, -1.0, -1.0, 1.0]
+
+
+def rotation_vectors(quaternions: FloatArray) -> FloatArray:
+    """Axis times angle (n, 3) [rad] of unit quaternions (n, 4), by the short way."""
+    shortest = np.where(quaternions[:, 3:] < 0, -quaternions, quaternions)
+    sine = np.linalg.norm(shortest[:, :3], axis=1)
+    angle = 2 * np.arctan2(sine, shortest[:, 3])
+    scale = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-12), 2.0)
+    return shortest[:, :3] * scale[:, None]
 
 
 def inverse(transforms: Transforms) -> Transforms:
-    back = transforms.quaternion * [-1.0, -1.0, -1.0, 1.0]
+    back = conjugate(transforms.quaternion)
     return Transforms(-np.einsum("nij,nj->ni", rotation_matrices(back), transforms.translation), back)
 
 

@@ -10,22 +10,46 @@ from rosbags.typesys.store import Typestore
 
 from gapeval.frame import Transform
 
-POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
+POINT_CLOUD, LASER_SCAN = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan"
 TF = "tf2_msgs/msg/TFMessage"
 TF_TOPIC, TF_STATIC = "/tf", "/tf_static"
-FLOAT32 = 7  # of sensor_msgs/PointField
+FLOAT32, UINT32 = 7, 6  # of sensor_msgs/PointField
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cloud:
-    """stamp [ns]; points: (N, 3) float32, in frame_id [m]."""
+    """stamp [ns]; points: (N, 3) float32, in frame_id [m].
+
+    nanoseconds: (N,) uint32, when each point was measured after the stamp; None where that is not said.
+    """
 
     stamp: int
     topic: str
     frame_id: str
     points: NDArray[np.float32]
+    nanoseconds: NDArray[np.uint32] | None = None
 
     type: ClassVar[str] = POINT_CLOUD
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """A planar scan. stamp: of its first beam [ns]; ranges: (beams,) float32 [m].
+
+    angles: first and last, and the step from beam to beam [rad]. beam_period: from beam to beam, scan_period:
+    from scan to scan [s]. limits: least and greatest range that counts as measured [m].
+    """
+
+    stamp: int
+    topic: str
+    frame_id: str
+    ranges: NDArray[np.float32]
+    angles: tuple[float, float, float]
+    beam_period: float
+    scan_period: float
+    limits: tuple[float, float]
+
+    type: ClassVar[str] = LASER_SCAN
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,7 +76,7 @@ class Links:
         return TF_STATIC if self.is_static else TF_TOPIC
 
 
-Message = Cloud | Links
+Message = Cloud | Scan | Links
 
 
 def ros1_types() -> Typestore:
@@ -69,22 +93,46 @@ def ros_message(store: Typestore, message: Message) -> Any:
     """The message of a typestore's own types."""
     if isinstance(message, Cloud):
         return _cloud(store, message)
+    if isinstance(message, Scan):
+        return _scan(store, message)
     return store.types[TF](transforms=[_link(store, message.stamp, link) for link in message.links])
 
 
 def _cloud(store: Typestore, cloud: Cloud) -> Any:
-    points = np.ascontiguousarray(cloud.points, dtype="<f4")
+    layout = [(name, 4 * i, FLOAT32) for i, name in enumerate("xyz")]
+    rows = np.ascontiguousarray(cloud.points, dtype="<f4").view("<u4")
+    if cloud.nanoseconds is not None:
+        layout.append(("t", 12, UINT32))
+        rows = np.column_stack([rows, cloud.nanoseconds.astype("<u4")])
     field = store.types["sensor_msgs/msg/PointField"]
+    step = 4 * len(layout)
     return store.types[POINT_CLOUD](
         header=_header(store, cloud.stamp, cloud.frame_id),
         height=1,
-        width=len(points),
-        fields=[field(name=name, offset=4 * i, datatype=FLOAT32, count=1) for i, name in enumerate("xyz")],
+        width=len(rows),
+        fields=[field(name=name, offset=offset, datatype=kind, count=1) for name, offset, kind in layout],
         is_bigendian=False,
-        point_step=12,
-        row_step=12 * len(points),
-        data=points.reshape(-1).view(np.uint8),
+        point_step=step,
+        row_step=step * len(rows),
+        data=rows.reshape(-1).view(np.uint8),
         is_dense=True,
+    )
+
+
+def _scan(store: Typestore, scan: Scan) -> Any:
+    first, last, step = scan.angles
+    low, high = scan.limits
+    return store.types[LASER_SCAN](
+        header=_header(store, scan.stamp, scan.frame_id),
+        angle_min=first,
+        angle_max=last,
+        angle_increment=step,
+        time_increment=scan.beam_period,
+        scan_time=scan.scan_period,
+        range_min=low,
+        range_max=high,
+        ranges=np.ascontiguousarray(scan.ranges, dtype="<f4"),
+        intensities=np.empty(0, dtype="<f4"),
     )
 
 

@@ -1,0 +1,86 @@
+"""A planar scan -> points in the laser's own plane."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gapeval.config import RotatingLaser
+from gapeval.frame import FloatArray
+from gapeval.logs.read.measurement import LaserScan
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Echoes:
+    """What a scan measured, in the laser's frame.
+
+    points: (N, 3) [m]; nanoseconds: (N,) of each since the scan's stamp. no_echo: beams without any, or out
+    of range; shadows: beams dropped by the shadow filter.
+    """
+
+    points: FloatArray
+    nanoseconds: NDArray[np.int64]
+    no_echo: int
+    shadows: int
+
+
+def echoes(scan: LaserScan, settings: RotatingLaser) -> Echoes:
+    """Points of the beams with an echo. angle_max is not believed; the number of ranges is."""
+    ranges = one_echo(scan, settings.echo)
+    seen = in_range(ranges, scan, settings)
+    azimuth = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    kept = seen & ~grazing(np.where(seen, ranges, np.inf), scan.angle_increment, settings.shadow_filter)
+    r, azimuth = ranges[kept], azimuth[kept]
+    points = np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), np.zeros(len(r))])
+    when = beam_times(len(ranges), increment(scan.time_increment, settings))[kept]
+    return Echoes(points, when, int(len(ranges) - seen.sum()), int(seen.sum() - kept.sum()))
+
+
+def increment(own: float, settings: RotatingLaser) -> float:
+    """Seconds from beam to beam: the user's word, else the scan's; 0 for what is no time."""
+    chosen = own if settings.time_increment is None else settings.time_increment
+    return chosen if np.isfinite(chosen) else 0.0
+
+
+def beam_times(beams: int, seconds: float) -> NDArray[np.int64]:
+    """(beams,) [ns] since the scan's stamp, which is the first beam's."""
+    return np.round(np.arange(beams) * (seconds * 1e9)).astype(np.int64)
+
+
+def one_echo(scan: LaserScan, echo: Literal["first", "last", "strongest"]) -> FloatArray:
+    """Of each beam's echoes the one that was asked for (n,), NaN where there is none."""
+    ranges = np.where(np.isfinite(scan.ranges), scan.ranges, np.nan)
+    if ranges.shape[1] == 1:
+        return ranges[:, 0]
+    if echo == "strongest" and scan.intensities is not None:
+        strength = np.where(np.isnan(ranges), -np.inf, np.nan_to_num(scan.intensities, nan=-np.inf))
+        best: FloatArray = ranges[np.arange(len(ranges)), np.argmax(strength, axis=1)]
+        return best
+    filled = np.where(np.isnan(ranges), -np.inf if echo == "last" else np.inf, ranges)
+    chosen = filled.max(axis=1) if echo == "last" else filled.min(axis=1)
+    return np.where(np.isfinite(chosen), chosen, np.nan)
+
+
+def in_range(ranges: FloatArray, scan: LaserScan, settings: RotatingLaser) -> NDArray[np.bool_]:
+    """range_min <= r < range_max, by the scan and by the user."""
+    low, high = settings.range or (-np.inf, np.inf)
+    with np.errstate(invalid="ignore"):
+        seen: NDArray[np.bool_] = (ranges >= max(scan.range_min, low)) & (ranges < min(scan.range_max, high))
+    return seen & (ranges > 0)
+
+
+def grazing(ranges: FloatArray, step: float, least: float) -> NDArray[np.bool_]:
+    """Beams that brush along an edge: the line to a neighbour's echo meets one of the two beams at less than
+    an angle [rad]. ranges: (n,) [m], inf where there is no echo; step: between beams [rad].
+    """
+    dropped = np.zeros(len(ranges), dtype=np.bool_)
+    if least <= 0:
+        return dropped
+    with np.errstate(invalid="ignore"):
+        here, there = ranges[:-1], ranges[1:]
+        angle = np.abs(np.arctan2(there * np.sin(abs(step)), here - there * np.cos(step)))
+        sharp = (np.minimum(angle, np.pi - angle) < least) & np.isfinite(here + there)
+    dropped[:-1] |= sharp
+    dropped[1:] |= sharp
+    return dropped

@@ -1,0 +1,114 @@
+"""Passes of a laser that turns: from its attitude at each planar scan to the scans of each cloud."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from gapeval.frame import FloatArray
+from gapeval.logs.read.transforms import Stamps, conjugate, product, rotation_vectors
+
+RESTS = 0.1  # of the usual rate; what turns more slowly rests
+TURNS = np.deg2rad(5.0)  # rad; what turns by less in the whole log does not turn
+ROUND = 1.25 * np.pi  # rad; a turn that goes on for longer is cut into halves
+WHOLE = 0.8  # of the usual extent; a pass of less is incomplete
+SLIVER = 0.1  # of the usual extent; less is a joint that settles, and no pass
+PAUSE = 5.0  # usual times between scans; where more are missing, a pass ends
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rotation:
+    """How a laser turned. axis: (3,), in its own frame; angles: (n,) about it [rad], unwrapped."""
+
+    axis: FloatArray
+    angles: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Pass:
+    """Scans [first, last) that the laser made while it turned one way. is_whole: as far as usual."""
+
+    first: int
+    last: int
+    is_whole: bool
+
+
+def rotation(quaternions: FloatArray) -> Rotation | None:
+    """Of attitudes robot<-laser (n, 4) in the order of time; None for a laser that does not turn.
+
+    The axis is the direction about which it turned most. Angle 0 is the attitude without any turn about it.
+    """
+    if len(quaternions) < 2:
+        return None
+    steps = rotation_vectors(product(conjugate(quaternions[:-1]), quaternions[1:]))
+    _, vectors = np.linalg.eigh(steps.T @ steps)
+    axis = vectors[:, -1]
+    axis = axis * np.sign(axis[np.argmax(np.abs(axis))])  # an eigenvector has no sign of its own
+    angles = np.unwrap(2 * np.arctan2(quaternions[:, :3] @ axis, quaternions[:, 3]))
+    return Rotation(axis, angles) if np.ptp(angles) >= TURNS else None
+
+
+def passes(angles: FloatArray, stamps: Stamps) -> list[Pass]:
+    """Runs of scans that turn one way, from one turning point to the next.
+
+    A laser that goes round and round makes a pass with every half turn, through |angle| <= 90 degrees and
+    on through the other half: each half sees all around. Scans made at rest belong to no pass.
+    angles, stamps: (n,) [rad], [ns], in the order of time.
+    """
+    runs = [part for run in _runs(angles, stamps) for part in _halves(angles, run)]
+    extents = np.array([_extent(angles, run) for run in runs])
+    if not len(extents):
+        return []
+    usual = np.median(extents[extents >= WHOLE * extents.max()])
+    return [
+        Pass(run.start, run.stop, bool(extent >= WHOLE * usual))
+        for run, extent in zip(runs, extents, strict=True)
+        if extent >= SLIVER * usual
+    ]
+
+
+def untwisted(quaternions: FloatArray, axis: FloatArray) -> FloatArray:
+    """Attitudes (n, 4) without their turn about an axis (3,) of the laser: how its mount stands."""
+    twist = np.column_stack([(quaternions[:, :3] @ axis)[:, None] * axis, quaternions[:, 3]])
+    length = np.linalg.norm(twist, axis=1, keepdims=True)
+    still = np.array([0.0, 0.0, 0.0, 1.0])
+    twist = np.where(length > 1e-9, twist / np.maximum(length, 1e-9), still)  # half a turn about another axis
+    return product(quaternions, conjugate(twist))
+
+
+def _runs(angles: FloatArray, stamps: Stamps) -> list[range]:
+    """Longest runs of scans between which the laser turns one way without rest or pause."""
+    seconds = np.diff(stamps) / 1e9
+    steps = np.diff(angles)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rates = np.where(seconds > 0, steps / seconds, 0.0)
+    moving = np.abs(rates) > RESTS * _usual_rate(np.abs(rates), np.abs(steps))
+    ways = np.where(moving & (seconds <= PAUSE * np.median(seconds)), np.sign(rates), 0.0)
+    edges = np.flatnonzero(np.diff(ways)) + 1
+    bounds = [0, *edges.tolist(), len(ways)]
+    # The scan at a turning point ends one pass and would begin the next; it goes to the first.
+    runs = [range(first, last + 1) for first, last in itertools.pairwise(bounds) if ways[first]]
+    return [
+        range(run.start + (index > 0 and runs[index - 1].stop > run.start), run.stop)
+        for index, run in enumerate(runs)
+    ]
+
+
+def _usual_rate(rates: FloatArray, steps: FloatArray) -> float:
+    """The rate at which half of all turning was done, however long the laser rested."""
+    order = np.argsort(rates, kind="stable")
+    done = np.cumsum(steps[order])
+    return float(rates[order][np.searchsorted(done, done[-1] / 2)])
+
+
+def _halves(angles: FloatArray, run: range) -> list[range]:
+    if _extent(angles, run) <= ROUND:
+        return [run]
+    half = np.floor((angles[run.start : run.stop] + np.pi / 2) / np.pi)
+    edges = (np.flatnonzero(np.diff(half)) + 1 + run.start).tolist()
+    bounds = [run.start, *edges, run.stop]
+    return [range(first, last) for first, last in itertools.pairwise(bounds)]
+
+
+def _extent(angles: FloatArray, run: range) -> float:
+    return float(np.ptp(angles[run.start : run.stop])) if run else 0.0

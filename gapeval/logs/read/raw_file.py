@@ -1,0 +1,59 @@
+"""The bytes of a file by their place, never more than there are."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Lock
+from typing import BinaryIO
+
+from gapeval.errors import LogError
+
+PIECE = 1 << 20  # bytes that are looked at together
+
+
+class CutError(Exception):
+    """Bytes that lie behind the end of the file."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawFile:
+    """An open file of which any thread may read any part. size: [bytes], when it was opened."""
+
+    path: Path
+    size: int
+    stream: BinaryIO
+    lock: Lock
+
+    def read(self, offset: int, length: int) -> bytes:
+        """Bytes at an offset. Raises CutError, before any allocation, where there are not as many."""
+        if length < 0 or offset < 0 or offset + length > self.size:
+            raise CutError(f"byte {offset + length} of {self.size}")
+        with self.lock:
+            self.stream.seek(offset)
+            data = self.stream.read(length)
+        if len(data) != length:
+            raise CutError(f"byte {offset + length}, though there were {self.size}")
+        return data
+
+    def upto(self, offset: int, length: int) -> bytes:
+        """Bytes at an offset, fewer where the file ends."""
+        return self.read(offset, max(min(length, self.size - offset), 0))
+
+    def pieces(self, start: int, stop: int) -> Iterator[bytes]:
+        """The bytes [start, stop), a piece at a time."""
+        for offset in range(start, stop, PIECE):
+            yield self.read(offset, min(PIECE, stop - offset))
+
+
+@contextmanager
+def raw_file(path: Path) -> Iterator[RawFile]:
+    """Opens a file. Raises LogError where that cannot be."""
+    try:
+        # Unbuffered: a buffer would read ahead what a seek then throws away.
+        stream = path.open("rb", buffering=0)
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror or error}") from error
+    with stream:
+        yield RawFile(path, stream.seek(0, os.SEEK_END), stream, Lock())

@@ -1,0 +1,284 @@
+"""A planar laser that turns: its scans make a cloud for each pass."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from logs_checks import frames_of, line
+from logs_writer import static_record, tf_record, write_sorted
+from moving_robot import SECOND, START, into_robot, poses, scan, tf
+
+from gapeval.config import LogSection, RotatingLaser
+from gapeval.frame import Transform, rotation_matrices
+from gapeval.logs.read import read_recording
+from gapeval.logs.read.laser import echoes, grazing
+from gapeval.logs.read.measurement import LaserScan
+from gapeval.logs.read.motion import moved
+from gapeval.logs.read.passes import passes, rotation, untwisted
+from gapeval.logs.read.transforms import Transforms, slerp
+
+# The shape of a turn
+
+
+def stamps_of(count, rate=50):
+    return START + np.arange(count) * (SECOND // rate)
+
+
+def swing(rests, extent=math.pi / 2, rate=1.2, step=0.02):
+    """Angles of a laser that goes to and fro, resting for so many scans at each turning point."""
+    up = np.arange(-extent, extent, rate * step)
+    parts = []
+    for number, rest in enumerate(rests):
+        one = up if number % 2 == 0 else -up
+        parts += [one, np.full(rest, one[-1])]
+    return np.concatenate(parts)
+
+
+@given(st.lists(st.integers(0, 200), min_size=1, max_size=6), st.floats(0.2, math.pi / 2))
+def test_each_way_of_a_swing_is_a_pass(rests, extent):
+    angles = swing(rests, extent)
+    found = passes(angles, stamps_of(len(angles)))
+    assert len(found) == len(rests)
+    assert all(one.is_whole for one in found)
+    for one in found:
+        assert np.ptp(angles[one.first : one.last]) >= 2 * extent - 3 * 1.2 * 0.02
+    # No scan is in two passes.
+    assert all(a.last <= b.first for a, b in pairwise(found))
+
+
+@given(st.floats(0, 2 * math.pi), st.sampled_from([1, -1]))
+def test_a_laser_that_goes_round_makes_a_pass_with_each_half_turn(first, way):
+    angles = first + way * np.arange(0, 5 * math.pi, 0.03)
+    found = passes(angles, stamps_of(len(angles)))
+    whole = [one for one in found if one.is_whole]
+    assert 4 <= len(whole) <= 5
+    for one in whole:
+        middle = (angles[one.first] + angles[one.last - 1]) / 2
+        assert abs(math.remainder(middle, math.pi)) < 0.32  # through 0 or 180 degrees
+
+
+def test_a_pass_that_the_log_cuts_is_incomplete():
+    angles = swing([0, 0, 0])[60:]
+    found = passes(angles, stamps_of(len(angles)))
+    assert [one.is_whole for one in found] == [False, True, True]
+
+
+def test_scans_that_are_missing_end_a_pass():
+    angles, stamps = swing([0, 0, 0]), stamps_of(3 * len(swing([0])))
+    keep = np.r_[0:160, 240 : len(angles)]
+    found = passes(angles[keep], stamps[keep])
+    assert [one.is_whole for one in found] == [True, False, False, True]
+
+
+@given(
+    st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
+    st.tuples(*[st.floats(-1, 1)] * 3),
+)
+def test_the_axis_is_found_however_the_laser_is_mounted(axis, tilt):
+    axis = np.array(axis) / np.linalg.norm(axis)
+    mount = Transform.of([0, 0, 0], [*(0.3 * np.array(tilt)), 1.0])
+    angles = swing([3, 3])
+    turns = np.column_stack([np.sin(angles / 2)[:, None] * axis, np.cos(angles / 2)])
+    attitudes = _product(np.tile(mount.quaternion, (len(angles), 1)), turns)
+    found = rotation(attitudes)
+    assert abs(found.axis @ axis) > 1 - 1e-6
+    assert np.ptp(found.angles) == pytest.approx(np.ptp(angles), abs=1e-6)
+    still = rotation_matrices(untwisted(attitudes, found.axis))
+    assert np.abs(still - still[0]).max() < 1e-6
+
+
+def test_what_does_not_turn_has_no_axis():
+    assert rotation(np.tile([0.0, 0.0, 0.0, 1.0], (100, 1))) is None
+    assert rotation(np.array([[0.0, 0.0, 0.0, 1.0]])) is None
+    shaking = 0.01 * np.random.default_rng(0).normal(size=100)
+    turns = np.column_stack([np.sin(shaking / 2), np.zeros((100, 2)), np.cos(shaking / 2)])
+    assert rotation(turns) is None
+
+
+def _product(a, b):
+    x1, y1, z1, w1 = a.T
+    x2, y2, z2, w2 = b.T
+    return np.column_stack(
+        [
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+        ]
+    )
+
+
+# One scan
+
+
+def a_scan(ranges, **other):
+    values = {
+        "stamp": START, "frame": "laser", "ranges": np.array(ranges, dtype=float).reshape(len(ranges), -1),
+        "intensities": None, "angle_min": -1.0, "angle_increment": 0.5, "time_increment": 0.001,
+        "range_min": 0.1, "range_max": 30.0,
+    }  # fmt: skip
+    return LaserScan(**(values | other))
+
+
+def test_only_ranges_within_all_limits_count():
+    ranges = [0.05, 0.1, 5.0, 30.0, math.inf, math.nan, 0.0, -1.0, 29.9]
+    found = echoes(a_scan(ranges), RotatingLaser())
+    assert np.hypot(found.points[:, 0], found.points[:, 1]) == pytest.approx([0.1, 5.0, 29.9])
+    assert found.nanoseconds.tolist() == [1_000_000, 2_000_000, 8_000_000]
+    angle = np.arctan2(found.points[:, 1], found.points[:, 0])
+    assert angle[:2] == pytest.approx([-0.5, 0.0])
+    assert (found.no_echo, found.shadows) == (6, 0)
+    nearer = echoes(a_scan(ranges), RotatingLaser(range=(1.0, 10.0)))
+    assert len(nearer.points) == 1
+
+
+def test_the_users_time_from_beam_to_beam_wins():
+    found = echoes(a_scan([1, 2, 3], time_increment=0.0), RotatingLaser(time_increment=2e-5))
+    assert found.nanoseconds.tolist() == [0, 20_000, 40_000]
+
+
+@pytest.mark.parametrize(("echo", "expected"), [("first", [1, 4]), ("last", [3, 4]), ("strongest", [2, 4])])
+def test_one_echo_of_each_beam(echo, expected):
+    ranges = [[3.0, 2.0, 1.0], [math.nan, 4.0, math.nan], [math.nan] * 3]
+    strength = np.array([[1.0, 9.0, math.nan], [0.0, 1.0, 99.0], [0.0, 0.0, 0.0]])
+    found = echoes(a_scan(ranges, intensities=strength), RotatingLaser(echo=echo))
+    assert np.hypot(found.points[:, 0], found.points[:, 1]) == pytest.approx(expected)
+
+
+@given(st.lists(st.floats(0.2, 20) | st.just(math.inf), min_size=2, max_size=20), st.floats(0.01, 0.5))
+def test_the_shadow_filter_against_plain_geometry(ranges, least):
+    """Two neighbours go where the line between them and one of their beams make too small an angle."""
+    step, expected = 0.01, [False] * len(ranges)
+    for i, (a, b) in enumerate(pairwise(ranges)):
+        if math.isfinite(a) and math.isfinite(b):
+            p, q = np.array([a, 0.0]), b * np.array([math.cos(step), math.sin(step)])
+            line = q - p
+            angle = math.acos(np.clip(abs(line @ [1.0, 0.0]) / np.linalg.norm(line), 0, 1))
+            if abs(angle - least) < 1e-6:
+                return
+            if angle < least:
+                expected[i] = expected[i + 1] = True
+    assert grazing(np.array(ranges), step, least).tolist() == expected
+
+
+@settings(max_examples=30)
+@given(st.randoms(use_true_random=False))
+def test_points_are_moved_as_one_by_one(random):
+    rng = np.random.default_rng(random.randrange(2**32))
+    knots = np.sort(rng.choice(10**8, 6, replace=False)) + START
+    turns = rng.normal(size=(6, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    transforms = Transforms(rng.normal(size=(6, 3)), turns)
+    points, times = rng.normal(size=(30, 3)), rng.integers(knots[0], knots[-1] + 1, 30)
+    found = moved(points, times, knots, transforms)
+    for point, time, place in zip(points, times, found, strict=True):
+        left = min(int(np.searchsorted(knots, time, side="right")) - 1, 4)
+        share = (time - knots[left]) / (knots[left + 1] - knots[left])
+        turn = slerp(turns[left : left + 1], turns[left + 1 : left + 2], np.array([[share]]))[0]
+        shift = transforms.translation[left] * (1 - share) + transforms.translation[left + 1] * share
+        np.testing.assert_allclose(place, Transform.of(shift, turn).apply(point), atol=1e-9)
+
+
+# Whole logs: a laser that rolls about its x axis before a wall and over the ground, on a robot that drives
+
+FIRST, STEP, BEAMS = -2.2, 0.02, 221
+INCREMENT = 2e-5
+MOUNT = Transform.of([0.25, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0])
+RATE = 1.2  # rad/s
+
+
+def roll(stamps):
+    """To and fro between -90 and 90 degrees, beginning at START."""
+    t = (np.asarray(stamps) - START) / SECOND * RATE
+    phase = np.mod(t, 2 * math.pi)
+    return np.where(phase < math.pi, phase - math.pi / 2, 1.5 * math.pi - phase)
+
+
+def ranges_at(stamp, moves):
+    """Distances along each beam, at its own time, to the ground z = 0 or a wall x = 9 of the map."""
+    times = stamp + np.round(np.arange(BEAMS) * INCREMENT * SECOND).astype(np.int64)
+    azimuth = FIRST + STEP * np.arange(BEAMS)
+    angle = roll(times)
+    rays = np.column_stack(
+        [np.cos(azimuth), np.sin(azimuth) * np.cos(angle), np.sin(azimuth) * np.sin(angle)]
+    )
+    place, turn = poses(times if moves else np.full(BEAMS, START))
+    matrices = rotation_matrices(turn)
+    rays = np.einsum("nij,nj->ni", matrices, rays)
+    origin = np.einsum("nij,j->ni", matrices, MOUNT.translation) + place + [0, 0, 0.4]
+    with np.errstate(divide="ignore"):
+        ground, wall = -origin[:, 2] / rays[:, 2], (9 - origin[:, 0]) / rays[:, 0]
+    distance = np.minimum(np.where(ground > 0, ground, np.inf), np.where(wall > 0, wall, np.inf))
+    return np.where(distance < 40, distance, np.inf), origin + rays * np.minimum(distance, 50)[:, None]
+
+
+def laser_log(path, moves, seconds=6.0, increment=INCREMENT, container="mcap-lz4"):
+    joint = [
+        tf_record(
+            int(s), [("mount", "laser", (0, 0, 0), (math.sin(roll(s) / 2), 0, 0, math.cos(roll(s) / 2)))]
+        )
+        for s in START - SECOND // 4 + np.arange(int((seconds + 0.5) * 100)) * (SECOND // 100) + 555
+    ]
+    lifted = static_record(
+        START - SECOND, [("base_link", "mount", MOUNT.translation.tolist(), MOUNT.quaternion.tolist())]
+    )
+    up = static_record(START - SECOND, [("world", "map", (0, 0, 0.4), (0, 0, 0, 1))])
+    scans = [
+        scan(int(s), ranges_at(int(s), moves)[0], FIRST, STEP, increment)
+        for s in START + np.arange(int(seconds * 50)) * (SECOND // 50)
+    ]
+    driving = tf(seconds) if moves else []
+    return write_sorted(path, lifted, *([up] if moves else []), joint, driving, scans, container=container)
+
+
+@pytest.mark.parametrize("container", ["mcap-lz4", "bag", "sqlite3"])
+@pytest.mark.parametrize(("moves", "apart"), [(False, 0.005), (True, 0.02)])
+def test_a_pass_is_the_cloud_that_a_laser_without_delay_would_see(tmp_path, moves, apart, container):
+    path = laser_log(tmp_path / "log", moves, container=container)
+    recording = read_recording(path, LogSection(fixed_frame="map" if moves else None))
+    frames = frames_of(path, LogSection(fixed_frame="map" if moves else None))
+    assert recording.planar
+    assert recording.total == 3
+    assert recording.refused == {"incomplete pass of the rotating laser": 1}
+    assert len(frames) == 2
+    first = START
+    for frame in frames:
+        stamps = np.arange(first, frame.stamp + 1, SECOND // 50)
+        true = []
+        for s in stamps:
+            distance, world = ranges_at(int(s), moves)
+            world = world[np.isfinite(distance)] - [0, 0, 0.4]
+            at = frame.stamp if moves else START
+            true.append(into_robot(world, np.full(len(world), at)))
+        expected = np.vstack(true)
+        assert len(frame.points) == len(expected)
+        distance = np.linalg.norm(frame.points - expected, axis=1)
+        assert distance.max() < apart
+        # Another pass begins where this one ends.
+        first = frame.stamp + SECOND // 50
+        np.testing.assert_allclose(frame.sensor.matrix, np.eye(3), atol=1e-3)
+        assert frame.others == ()
+
+
+def test_a_wrong_time_from_beam_to_beam_can_be_overridden(tmp_path):
+    path = laser_log(tmp_path / "log", moves=True, seconds=3.0, increment=0.0)
+    as_recorded = read_recording(path, LogSection(fixed_frame="map"))
+    assert any("no time from beam to beam" in notice for notice in as_recorded.notices)
+    mended = frames_of(path, LogSection(fixed_frame="map", laser=RotatingLaser(time_increment=INCREMENT)))
+    right = frames_of(laser_log(tmp_path / "right", moves=True, seconds=3.0), LogSection(fixed_frame="map"))
+    wrong = frames_of(path, LogSection(fixed_frame="map"))
+    assert mended[0].points.tobytes() == right[0].points.tobytes()
+    assert np.abs(wrong[0].points - right[0].points).max() > 0.02
+
+
+def test_a_planar_laser_that_does_not_turn_is_told(tmp_path):
+    fixed = static_record(START, [("base_link", "laser", (0, 0, 0.3), (0, 0, 0, 1))])
+    scans = [scan(START + i * SECOND // 50, np.full(90, 3.0), -1.0, 0.02, 0.0) for i in range(20)]
+    path = write_sorted(tmp_path / "log", fixed, tf(1.0), scans)
+    assert line(path) == (
+        "the planar laser on /scan does not turn against base_link, so its scans make no clouds; gapeval "
+        "needs clouds, or planar scans of a laser that turns by tf"
+    )
