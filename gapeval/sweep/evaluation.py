@@ -8,7 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from gapeval.config import Configuration, Domain, Scoring
-from gapeval.detection import Gaps, detect, detect_each
+from gapeval.detection import Detection, Gaps, detect, detect_each
 from gapeval.detection.certainty import weights
 from gapeval.detections import METHODS, Crossing, DetectedFrame, Method
 from gapeval.frame import FloatArray, Frame, PoseQuality
@@ -180,7 +180,13 @@ def _kept(
 
 def detected(frame: Frame, configuration: Configuration, question: Question) -> DetectedFrame:
     """One frame under one configuration, as the detections format holds it."""
-    detection = detect(frame, configuration)
+    return described(frame, detect(frame, configuration), configuration, question)
+
+
+def described(
+    frame: Frame, detection: Detection, configuration: Configuration, question: Question
+) -> DetectedFrame:
+    """What was detected in a frame, as the detections format holds it."""
     crossings = by_gap(assess(detection, configuration.robot, configuration.crossing))
     box, origin, kind = question.domain, question.origin, question.plane
     seen = view(frame, box, origin, configuration, question.scoring, kind)
