@@ -100,7 +100,8 @@ class PoseQuality:
     """How well the robot's pose is known at a stamp.
 
     gap: widest time between two transforms that were interpolated [s]. roll, pitch [rad] and height [m]:
-    standard deviations, of the log's covariance and of what changes between those two transforms.
+    standard deviations, of the log's covariance and of what changes between those two transforms. NaN where
+    the log does not tell.
     """
 
     gap: float
