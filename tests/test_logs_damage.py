@@ -1,5 +1,6 @@
 """Broken logs are read as far as their bytes allow, and what was lost is told, once."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -65,9 +66,17 @@ def test_all_that_is_left_is_read(tmp_path, damage, codec):
     assert before == {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
 
 
+@dataclass(frozen=True, repr=False)
+class Whole:
+    """The bytes of a log, and what is in it."""
+
+    content: bytes
+    items: set
+
+
 @pytest.fixture(scope="module")
 def whole_logs(tmp_path_factory):
-    """Whole logs by kind: their bytes, and what is in them."""
+    """By kind."""
     folder = tmp_path_factory.mktemp("whole")
     paths = {
         "bag": bag(folder / "bag"),
@@ -77,9 +86,8 @@ def whole_logs(tmp_path_factory):
         "mcap-unchunked": mcap(folder / "mcap-unchunked", use_chunking=False),
         "db3": db3(folder / "db3"),
     }
-    logs = {kind: (path.read_bytes(), set(messages(path))) for kind, path in paths.items()}
-    packed, items = logs["mcap"]
-    return logs | {"zstd": (zstd.compress(packed), items)}
+    logs = {kind: Whole(path.read_bytes(), set(messages(path))) for kind, path in paths.items()}
+    return logs | {"zstd": Whole(zstd.compress(logs["mcap"].content), logs["mcap"].items)}
 
 
 def messages(path):
@@ -92,7 +100,7 @@ def messages(path):
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0, 1))
 def test_wherever_a_file_is_cut_what_is_read_was_in_it(whole_logs, kind, share):
-    content, items = whole_logs[kind]
+    content, items = whole_logs[kind].content, whole_logs[kind].items
     with TemporaryDirectory() as folder:
         path = Path(folder, "log")
         path.write_bytes(content[: 20 + int(share * (len(content) - 21))])
@@ -111,7 +119,7 @@ def test_wherever_a_file_is_cut_what_is_read_was_in_it(whole_logs, kind, share):
 
 @pytest.mark.parametrize("kind", ["bag", "bag-lz4", "mcap", "mcap-zstd", "mcap-unchunked", "db3", "zstd"])
 def test_a_whole_log_has_no_losses(whole_logs, tmp_path, kind):
-    content, items = whole_logs[kind]
+    content, items = whole_logs[kind].content, whole_logs[kind].items
     path = tmp_path / "log"
     path.write_bytes(content)
     with open_container(path) as container:

@@ -42,7 +42,9 @@ def open_ros1_bag(path: Path) -> Iterator[Container]:
             unpack=lambda raw: raw,
             walk=lambda: _described(file, losses, walked(file, losses)),
             is_walked=bool(index.notices),
-            is_costly=_is_costly(file, blocks),
+            # bz2 takes 50 times as long as lz4, and reading plain bytes is all there is to those.
+            is_costly=_codec(file, blocks) == "bz2",
+            is_plain=_codec(file, blocks) == "none",
         )
         yield Container(
             kind=KIND,
@@ -56,12 +58,12 @@ def open_ros1_bag(path: Path) -> Iterator[Container]:
         )
 
 
-def _is_costly(file: RawFile, chunks: list[Chunk]) -> bool:
-    """bz2 takes 50 times as long as lz4, and reading plain bytes is all there is to those."""
+def _codec(file: RawFile, chunks: list[Chunk]) -> str:
+    """How the first chunk is compressed, and so the others are."""
     try:
-        return bool(chunks) and chunk_at(file, chunks[0].offset)[1] == "bz2"
+        return chunk_at(file, chunks[0].offset)[1] if chunks else ""
     except (RecordError, CutError):
-        return False
+        return ""
 
 
 def _check_version(file: RawFile) -> None:

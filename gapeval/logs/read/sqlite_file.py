@@ -27,7 +27,7 @@ from gapeval.logs.read.container import (
 )
 from gapeval.logs.read.losses import BAD_MESSAGE, BOMB, INDEX_LIES, ODD_ROW, UNDESCRIBED, WAL_LEFT, Losses
 from gapeval.logs.read.raw_file import raw_file
-from gapeval.logs.read.sqlite_salvage import Described, Salvaged, read_payload, salvaged
+from gapeval.logs.read.sqlite_salvage import Described, Salvaged, is_cut, read_payload, salvaged
 
 KIND = "rosbag2 sqlite3"
 MAGIC = b"SQLite format 3\0"
@@ -63,6 +63,7 @@ def open_sqlite_file(path: Path) -> Iterator[Container]:
             database = stack.enter_context(_database(path))
             log = _Log(path, database, {}, losses)
             try:
+                _check_size(path)
                 described, counts, start, end = _read_topics(database)
             except (sqlite3.Error, ValueError, TypeError) as error:
                 # sqlite3 lets anything stand in any column.
@@ -104,6 +105,13 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
                 database = stack.enter_context(closing(_connected(copy, "mode=rw")))
         database.text_factory = lambda text: text.decode("utf-8", "replace")
         yield database
+
+
+def _check_size(path: Path) -> None:
+    """Raises ValueError for a file that is cut: sqlite reads zeros where the last page is not all there."""
+    with raw_file(path) as file:
+        if is_cut(file):
+            raise ValueError("the file is cut")
 
 
 def _connected(path: Path, options: str) -> sqlite3.Connection:
