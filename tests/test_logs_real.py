@@ -1,6 +1,7 @@
 """The real recordings, where GAPEVAL_DATA says where they are."""
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from gapeval.logs.read import describe, read_frames, read_recording
 from gapeval.logs.read.cloud import cloud_points
 from gapeval.logs.read.container import Topic
 from gapeval.logs.read.message import POINT_CLOUD, decode
+from gapeval.logs.read.opening import open_container
 
 pytestmark = pytest.mark.skipif(
     "GAPEVAL_DATA" not in os.environ, reason="GAPEVAL_DATA does not name the folder of real logs"
@@ -67,6 +69,24 @@ def test_logs_that_cannot_be_used_say_so_in_one_line(name, expected):
     with pytest.raises(LogError) as caught:
         read_recording(path, LogSection())
     assert str(caught.value) == f"{path}: {expected}"
+
+
+def test_every_message_of_a_bag_with_a_damaged_index_is_read():
+    """The indexes behind its chunks are of odd length, so rosbags refuses it."""
+    path = DATA / "logs/damaged_index.bag"
+    data = path.read_bytes()
+    with open_container(path) as container:
+        times = [time for _, time, _ in container.messages(["/scan"], None, None)]
+        heads = [time for _, time, _ in container.heads(["/scan"], (), None, None)]
+        assert container.losses == []
+    # Every message's header ends with its time.
+    heads_by_hand = re.findall(rb"\x04\x00\x00\x00op=\x02\x0d\x00\x00\x00time=(.{4})(.{4})", data, re.DOTALL)
+    by_hand = [
+        int.from_bytes(seconds, "little") * 10**9 + int.from_bytes(rest, "little")
+        for seconds, rest in heads_by_hand
+    ]
+    assert len(by_hand) == 360
+    assert times == heads == sorted(by_hand)
 
 
 def test_tf_of_a_log_without_clouds_is_described():

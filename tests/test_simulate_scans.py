@@ -333,16 +333,16 @@ def test_tf_between_its_samples_is_where_the_rays_began(made):
 # Bytes
 
 
-def test_same_seed_same_bytes(made, tmp_path):
-    """Also in another process; another seed gives others."""
-    way, _, log = made
-    options = ["--frames", "2", "--scans", *(["--moving"] if way == "moving" else [])]
-    command = [sys.executable, "-m", "gapeval", "simulate", "approach", *options, "--seed", "3"]
+def test_same_seed_same_bytes_in_another_process(tmp_path):
+    made = simulation("barrel", "lms151", 2, 3, taking=WAYS["moving"])
+    write_simulation(made, tmp_path / "here", "mcap", lambda: None)
+    command = [sys.executable, "-m", "gapeval", "simulate", "barrel", "--frames", "2", "--seed", "3"]
     environment = os.environ | {"PYTHONHASHSEED": "77"}
-    subprocess.run([*command, "-o", tmp_path / "out"], check=True, env=environment, timeout=60)
-    assert (tmp_path / "out/approach.mcap").read_bytes() == log.read_bytes()
-    labels = (tmp_path / "out/labels.geojson").read_bytes()
-    assert labels == (log.parent / "labels.geojson").read_bytes()
+    subprocess.run(
+        [*command, "--scans", "--moving", "-o", tmp_path / "there"], check=True, env=environment, timeout=60
+    )
+    for name in ("barrel.mcap", "labels.geojson"):
+        assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "there" / name).read_bytes()
 
 
 def test_scans_are_the_same_however_many_are_cast_at_once(monkeypatch):

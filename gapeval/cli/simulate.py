@@ -40,7 +40,7 @@ def print_list(context: click.Context, _: click.Parameter, wanted: bool) -> None
     "--frames",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Stops, of each a cloud; default: as many as the scene has positions.",
+    help="Stops, each of a cloud; default: as many as the scene has positions.",
 )
 @click.option(
     "--seed",

@@ -98,7 +98,8 @@ def hidden_from_all(
         free[looking[~before]] = True
         left = left[~free[left]]
     hidden = shaded.copy()
-    hidden[asked] = np.where(elsewhere.looked_at.any(axis=0)[asked], ~free, shaded[asked])
+    by_any = np.asarray(elsewhere.looked_at.any(axis=0))
+    hidden[asked] = np.where(by_any[asked], ~free, shaded[asked])
     return hidden
 
 

@@ -111,8 +111,8 @@ def _in_order(
     while True:
         wanted = {number: topic for number, topic in log.topics.items() if topic.name in names}
         read = reading(wanted)
-        try:
-            with library_errors(log.file.path, log.kind, "record it again"):
+        with library_errors(log.file.path, log.kind, "record it again"):
+            try:
                 for key, number, raw in _run(log, read, wanted, low, high):
                     if key <= last:
                         continue
@@ -120,14 +120,14 @@ def _in_order(
                     whole = _unpacked(log, key[0], raw)
                     if whole is not None:
                         yield wanted[number], key[0], whole
-            return
-        except MisplacedError as error:
-            if log.is_walked:
-                raise LogError(f"{log.file.path}: changed while it was read; read it again") from error
-            log.losses.add(Loss(log.file.path.name, INDEX_LIES))
-            log.blocks, topics = log.walk()
-            log.topics |= {number: topic for number, topic in topics.items() if number not in log.topics}
-            log.is_walked = True
+                return
+            except MisplacedError as error:
+                if log.is_walked:
+                    raise LogError(f"{log.file.path}: changed while it was read; read it again") from error
+                log.losses.add(Loss(log.file.path.name, INDEX_LIES))
+                log.blocks, topics = log.walk()
+                log.topics |= {number: topic for number, topic in topics.items() if number not in log.topics}
+                log.is_walked = True
 
 
 def _run(
@@ -138,7 +138,7 @@ def _run(
     high: int,
 ) -> Iterator[tuple[Key, int, Raw]]:
     """Blocks are opened in the order of their start; a message waits for the blocks that begin before it."""
-    blocks = [b for b in log.blocks if b.end >= low and b.start < high and _holds(b, wanted)]
+    blocks = [b for b in log.blocks if b.end >= low and b.start < high and _holds(log, b, wanted)]
     blocks.sort(key=lambda block: (block.start, block.offset))
     heap: list[tuple[int, int, int, int, Raw]] = []
     with ahead(lambda block: read(block, wanted.keys(), low, high), blocks) as loaded:
@@ -157,8 +157,9 @@ def _run(
         yield (time, offset, place), number, raw
 
 
-def _holds(block: Span, wanted: Collection[int]) -> bool:
-    return block.topics is None or any(number in wanted for number in block.topics)
+def _holds(log: BlockLog[Block], block: Block, wanted: Collection[int]) -> bool:
+    # Of a file that contradicts itself only the messages are believed.
+    return log.is_walked or block.topics is None or any(number in wanted for number in block.topics)
 
 
 def _unpacked(log: BlockLog[Block], time: int, raw: Raw) -> Raw | None:

@@ -208,8 +208,10 @@ def _adjacent_floats(data: NDArray[Any], layout: Layout) -> NDArray[np.float32]:
 def _any_fields(data: NDArray[Any], layout: Layout) -> NDArray[Any]:
     is_single = all(c.dtype.kind == "f" and c.dtype.itemsize == 4 for c in layout.coordinates)
     out = np.empty((layout.height * layout.width, 3), dtype=np.float32 if is_single else np.float64)
-    for column, coordinate in enumerate(layout.coordinates):
-        out[:, column] = _strided(data, layout, coordinate.dtype, coordinate.offset).reshape(-1)
+    # A NaN that signals is NaN like any other.
+    with np.errstate(invalid="ignore"):
+        for column, coordinate in enumerate(layout.coordinates):
+            out[:, column] = _strided(data, layout, coordinate.dtype, coordinate.offset).reshape(-1)
     return out
 
 

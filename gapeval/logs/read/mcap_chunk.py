@@ -26,10 +26,9 @@ from gapeval.logs.read.mcap_records import (
     Chunk,
     RecordError,
     chunk_at,
-    message_index_at,
 )
 from gapeval.logs.read.mcap_records import HEAD as RECORD
-from gapeval.logs.read.raw_file import CutError, RawFile
+from gapeval.logs.read.raw_file import CutError, RawFile, Window
 
 BEFORE_DATA = RECORD_AND_MESSAGE_HEAD.size
 
@@ -117,56 +116,43 @@ def read_heads(
     file: RawFile, block: Block, wanted: Collection[int], whole: Collection[int], low: int, high: int
 ) -> Read:
     """Like read_block, where a chunk without compression is read only where its messages begin."""
-    if block.is_chunk and block.indexes:
+    if block.is_chunk:
         try:
             chunk = chunk_at(file, block.offset)
-            if not chunk.compression and chunk.stop == block.stop <= file.size:
-                return _heads(file, chunk, block, wanted, whole, low, high), []
-        except (RecordError, CutError):
-            # Whatever is wrong with it shows again, and is told, when it is read whole.
-            pass
+        except (RecordError, CutError) as error:
+            raise MisplacedError from error
+        if not chunk.compression and chunk.stop == block.stop <= file.size and chunk.size == chunk.length:
+            found, at = _heads(file, chunk, wanted, whole, low, high)
+            if at == chunk.stop:
+                return found, []
+    # Whatever is wrong with it shows again, and is told, when it is read whole.
     return read_block(file, block, wanted, low, high)
 
 
 def _heads(
-    file: RawFile,
-    chunk: Chunk,
-    block: Block,
-    wanted: Collection[int],
-    whole: Collection[int],
-    low: int,
-    high: int,
-) -> list[Found]:
+    file: RawFile, chunk: Chunk, wanted: Collection[int], whole: Collection[int], low: int, high: int
+) -> tuple[list[Found], int]:
+    """Heads out of a plain chunk, and where in the file it stops making sense."""
     found: list[Found] = []
-    for channel, place in block.indexes:
-        if channel not in wanted:
-            continue
-        owner, entries = message_index_at(file, place)
-        if owner != channel:
-            raise RecordError(f"the message index at byte {place} is of another channel")
-        for time, at in entries:
-            if low <= time < high:
-                found.append(_head(file, chunk, channel, time, at, channel in whole))
-    found.sort(key=lambda item: item[1])
-    return found
-
-
-def _head(file: RawFile, chunk: Chunk, channel: int, time: int, at: int, is_whole: bool) -> Found:
-    start = chunk.data + at
-    raw = memoryview(file.read(start, min(BEFORE_DATA + HEAD, max(chunk.stop - start, 0))))
-    if len(raw) < BEFORE_DATA:
-        raise RecordError("a message index points behind the chunk")
-    opcode, length, owner, _, logged, _ = RECORD_AND_MESSAGE_HEAD.unpack_from(raw)
-    stop = start + RECORD + length
-    if (opcode, owner, logged) != (Opcode.MESSAGE, channel, time) or length < BEFORE_DATA - RECORD:
-        raise RecordError("a message index points to another message")
-    if stop > chunk.stop:
-        raise RecordError("a message reaches behind its chunk")
-    size = stop - start - BEFORE_DATA
-    data = raw[BEFORE_DATA : BEFORE_DATA + size]
-    if size > len(data) and (is_whole or data[:4] == ZSTD):
-        data = memoryview(file.read(start + BEFORE_DATA, size))
-    return time, at, channel, data
+    window, at = Window(file, chunk.stop), chunk.data
+    while at + RECORD <= chunk.stop:
+        head = window.at(at, BEFORE_DATA)
+        opcode, length = RECORD_HEAD.unpack_from(head)
+        stop = at + RECORD + length
+        if stop > chunk.stop:
+            break
+        if opcode == Opcode.MESSAGE:
+            if length < BEFORE_DATA - RECORD:
+                break
+            _, _, channel, _, time, _ = RECORD_AND_MESSAGE_HEAD.unpack(head)
+            if channel in wanted and low <= time < high:
+                start, size = at + BEFORE_DATA, stop - at - BEFORE_DATA
+                data = window.at(start, min(size, HEAD))
+                if size > HEAD and (channel in whole or data[:4] == ZSTD):
+                    data = memoryview(file.read(start, size))
+                found.append((time, at - chunk.data, channel, data))
+        at = stop
+    return found, at
 
 
 def _read_cut(file: RawFile, chunk: Chunk, wanted: Collection[int], low: int, high: int) -> Read:

@@ -59,8 +59,7 @@ class Block:
     """A chunk, or a message that stands in no chunk.
 
     offset: of its record in the file; stop: behind it; start, end: bag times [ns]; topics: channels with
-    messages in it, None where that is not known; count: messages in it, None likewise. indexes: where the
-    records of message indexes of a chunk stand, by channel.
+    messages in it, None where that is not known; count: messages in it, None likewise.
     """
 
     is_chunk: bool
@@ -70,7 +69,6 @@ class Block:
     end: int
     topics: frozenset[int] | None
     count: int | None = None
-    indexes: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(slots=True)
@@ -144,7 +142,7 @@ def chunk_index(content: Raw) -> Block:
     channels = frozenset(channel for channel, _ in indexes)
     # Message indexes may be left out while chunk indexes are there: then any channel may be in the chunk.
     count = max(behind - len(indexes) * (HEAD + MESSAGE_INDEX_HEAD.size), 0) // 16 if indexes else None
-    return Block(True, offset, offset + length, start, end, channels or None, count, tuple(indexes))
+    return Block(True, offset, offset + length, start, end, channels or None, count)
 
 
 def schema(content: Raw) -> Schema:

@@ -8,7 +8,7 @@ import re
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from mcap.opcode import Opcode
 
@@ -130,39 +130,33 @@ def _take_chunk(walk: _Walk, chunk: Chunk) -> int:
         raise CutError
     walk.unchecked |= not chunk.crc
     stop, indexes = _message_indexes(file, chunk)
-    counts = {channel: len(times) for channel, (_, times) in indexes.items()}
-    times = [time for _, found in indexes.values() for time in found]
-    block = Block(True, chunk.offset, chunk.stop, chunk.start, chunk.end, None)
-    if times:
-        places = tuple(sorted((channel, place) for channel, (place, _) in indexes.items()))
-        block = replace(
-            block,
-            start=min(times),
-            end=max(times),
-            topics=frozenset(counts),
-            count=len(times),
-            indexes=places,
-        )
-    if not times or not set(counts) <= set(index.channels):
+    counts = Counter({channel: len(times) for channel, times in indexes.items()})
+    times = [time for found in indexes.values() for time in found]
+    # What the indexes leave open, or have otherwise than the chunk itself, the messages say.
+    if (
+        not times
+        or not set(counts) <= set(index.channels)
+        or (min(times), max(times)) != (chunk.start, chunk.end)
+    ):
         try:
-            content = chunk_content(file, chunk)
+            counts, times = _take_content(index, chunk_content(file, chunk))
         except LostError as error:
-            size = chunk.stop - chunk.offset
-            walk.losses.add(Loss(file.path.name, error.reason, size, block.count, block.start, block.end))
-            _tell_gap(walk, block.start)
+            size, span = chunk.stop - chunk.offset, (chunk.start, chunk.end)
+            walk.losses.add(Loss(file.path.name, error.reason, size, len(times) or None, *span))
+            _tell_gap(walk, chunk.start)
             return stop
-        seen, times = _take_content(index, content)
-        if seen and not block.indexes:
-            block = replace(block, start=min(times), end=max(times), topics=frozenset(seen), count=len(times))
-            counts = dict(seen)
     index.counts.update(counts)
-    if counts:
-        _add(walk, block)
+    if times:
+        _add(walk, _block(chunk.offset, chunk.stop, counts, times))
     return stop
 
 
-def _message_indexes(file: RawFile, chunk: Chunk) -> tuple[int, dict[int, tuple[int, list[int]]]]:
-    """Where the message indexes behind a chunk end, and (place, bag times) by channel, if all are right."""
+def _block(offset: int, stop: int, counts: Counter[int], times: list[int]) -> Block:
+    return Block(True, offset, stop, min(times), max(times), frozenset(counts), len(times))
+
+
+def _message_indexes(file: RawFile, chunk: Chunk) -> tuple[int, dict[int, list[int]]]:
+    """Where the message indexes behind a chunk end, and bag times by channel, if all are right."""
     at, found = chunk.stop, {}
     try:
         while at < file.size and file.upto(at, 1) == bytes([Opcode.MESSAGE_INDEX]):
@@ -170,7 +164,7 @@ def _message_indexes(file: RawFile, chunk: Chunk) -> tuple[int, dict[int, tuple[
             channel, entries = message_index_at(file, at)
             if any(offset >= chunk.size for _, offset in entries) or channel in found:
                 return chunk.stop, {}
-            found[channel] = (at, [time for time, _ in entries])
+            found[channel] = [time for time, _ in entries]
             at += HEAD + length
     except (RecordError, CutError):
         return chunk.stop, {}
@@ -207,8 +201,7 @@ def _take_cut(walk: _Walk, at: int) -> None:
             seen, times = _take_content(walk.index, content)
             if seen:
                 walk.index.counts.update(seen)
-                channels = frozenset(seen)
-                _add(walk, Block(True, at, file.size, min(times), max(times), channels, len(times)))
+                _add(walk, _block(at, file.size, seen, times))
             size = sum(stop - start for opcode, start, stop in records(content) if opcode == -1)
     except (RecordError, CutError):
         pass

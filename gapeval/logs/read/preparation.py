@@ -120,14 +120,20 @@ def _offsets(
         return np.column_stack([np.zeros(count, dtype=np.int64), span])
     if not settings.deskew:
         return np.zeros((count, 1), dtype=np.int64)
-    spans = [_measured_span(container, topic.name, window) for topic in clouds]
+    spans = [
+        _measured_span(container, topic.name, window, headers.stamps[headers.topics == number])
+        for number, topic in enumerate(clouds)
+    ]
     knots = max(2, *(math.ceil((last - first) / KNOT) + 1 for first, last in spans))
     table = np.array([np.linspace(*span, knots) for span in spans])
     return np.round(table).astype(np.int64)[headers.topics]
 
 
-def _measured_span(container: Container, name: str, window: Window) -> tuple[int, int]:
-    """Between which times since its stamp a message's points are measured, with room: of the first ones."""
+def _measured_span(container: Container, name: str, window: Window, stamps: Stamps) -> tuple[int, int]:
+    """Between which times since its stamp a message's points are measured, with room: of the first ones.
+
+    stamps: (n,) of all of them [ns].
+    """
     firsts, lasts, why = [], [], ""
     for topic, _, raw in container.messages([name], window.start, window.stop):
         try:
@@ -141,7 +147,11 @@ def _measured_span(container: Container, name: str, window: Window) -> tuple[int
             break
     if not firsts:
         raise LogError(f"log.deskew needs the time of each point of {name} ({why}); leave it out")
-    room = max((max(lasts) - min(firsts)) // 50, 10**5)  # a turn is not always equally long
+    span = max(lasts) - min(firsts)
+    room = max(span // 50, 10**5)  # a turn is not always equally long
+    period = int(np.median(np.diff(stamps))) if len(stamps) > 1 else 0
+    # Where turn follows turn, part of one may have had no echo in the first clouds.
+    room = max(room, period - span) if period <= 2 * span else room
     return min(firsts) - room, max(lasts) + room
 
 

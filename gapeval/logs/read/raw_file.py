@@ -11,6 +11,7 @@ from typing import BinaryIO
 from gapeval.errors import LogError
 
 PIECE = 1 << 20  # bytes that are looked at together
+GLANCE = 8192  # bytes that are read for a few: as cheap, and small messages stand behind each other
 
 
 class CutError(Exception):
@@ -45,6 +46,26 @@ class RawFile:
         """The bytes [start, stop), a piece at a time."""
         for offset in range(start, stop, PIECE):
             yield self.read(offset, min(PIECE, stop - offset))
+
+
+@dataclass(slots=True)
+class Window:
+    """Bytes of a stretch of a file that is looked at here and there, mostly onwards; stop: its end."""
+
+    file: RawFile
+    stop: int
+    start: int = 0
+    data: bytes = b""
+
+    def at(self, offset: int, length: int) -> memoryview:
+        """So many bytes at an offset, fewer where the stretch ends."""
+        length = max(min(length, self.stop - offset), 0)
+        if not self.start <= offset <= offset + length <= self.start + len(self.data):
+            self.start, self.data = (
+                offset,
+                self.file.upto(offset, min(max(length, GLANCE), self.stop - offset)),
+            )
+        return memoryview(self.data)[offset - self.start : offset - self.start + length]
 
 
 @contextmanager

@@ -6,8 +6,9 @@ from gapeval.logs.read.blocks import Found, MisplacedError, Read
 from gapeval.logs.read.compression import BombError, DamagedError, decompressed_chunk
 from gapeval.logs.read.container import HEAD, Loss, Raw
 from gapeval.logs.read.losses import BAD_CHUNK, BAD_CHUNK_RECORDS, BOMB, UNKNOWN_COMPRESSION, LostError
-from gapeval.logs.read.raw_file import CutError, RawFile
+from gapeval.logs.read.raw_file import CutError, RawFile, Window
 from gapeval.logs.read.ros1_records import (
+    LONGEST_HEADER,
     Chunk,
     Op,
     Record,
@@ -148,12 +149,44 @@ def read_heads(
     """Like read_chunk, where a chunk without compression is read only where its messages begin."""
     try:
         record, codec, _ = chunk_at(file, chunk.offset)
-        if codec == "none":
-            return _heads(file, record, chunk, wanted, whole, low, high), []
-    except (RecordError, CutError):
-        # Whatever is wrong with it shows again, and is told, when it is read whole.
-        pass
+    except RecordError as error:
+        raise MisplacedError from error
+    except CutError:
+        codec = ""
+    if codec == "none":
+        found, at = _heads(file, record, wanted, whole, low, high)
+        if at == record.stop:
+            return found, []
+    # Whatever is wrong with it shows again, and is told, when it is read whole.
     return read_chunk(file, chunk, wanted, low, high)
+
+
+def _heads(
+    file: RawFile, record: Record, wanted: Collection[int], whole: Collection[int], low: int, high: int
+) -> tuple[list[Found], int]:
+    """Heads out of a plain chunk, and where in the file it stops making sense."""
+    found: list[Found] = []
+    window, at, from_bytes = Window(file, record.stop), record.data, int.from_bytes
+    while at + 8 <= record.stop:
+        start = at + from_bytes(window.at(at, 4), "little") + 8
+        if start > record.stop or start - at > LONGEST_HEADER:
+            break
+        fields = window.at(at + 4, start - at - 4)
+        size = from_bytes(fields[-4:], "little")
+        if start + size > record.stop:
+            break
+        try:
+            head = message_head(fields[:-4])
+        except RecordError:
+            break
+        if head is not None and head[0] in wanted and low <= head[1] < high:
+            enough = size if head[0] in whole else min(size, HEAD)
+            data = (
+                window.at(start, min(enough, HEAD)) if enough <= HEAD else memoryview(file.read(start, size))
+            )
+            found.append((head[1], at - record.data, head[0], data))
+        at = start + size
+    return found, at
 
 
 def indexes_behind(file: RawFile, at: int) -> tuple[int, dict[int, list[tuple[int, int]]]]:
@@ -170,47 +203,6 @@ def indexes_behind(file: RawFile, at: int) -> tuple[int, dict[int, list[tuple[in
         found.setdefault(owner, []).extend(entries)
         at = record.stop
     return at, found
-
-
-def _heads(
-    file: RawFile,
-    record: Record,
-    chunk: Chunk,
-    wanted: Collection[int],
-    whole: Collection[int],
-    low: int,
-    high: int,
-) -> list[Found]:
-    """Raises RecordError or CutError where the index of the chunk does not say what is in it."""
-    _, indexes = indexes_behind(file, record.stop)
-    if chunk.counts is None or {owner: len(entries) for owner, entries in indexes.items()} != chunk.counts:
-        raise RecordError("an index that is not of this chunk")
-    return sorted(
-        (
-            _head(file, record, owner, when, at, owner in whole)
-            for owner, entries in indexes.items()
-            if owner in wanted
-            for when, at in entries
-            if low <= when < high
-        ),
-        key=lambda item: item[1],
-    )
-
-
-def _head(file: RawFile, record: Record, owner: int, when: int, at: int, is_whole: bool) -> Found:
-    start = record.data + at
-    raw = file.read(start, max(min(8 + _USUAL + HEAD, record.stop - start), 0))
-    size = int.from_bytes(raw[:4], "little")
-    begin = size + 8
-    if begin > len(raw) or message_head(memoryview(raw)[4 : begin - 4]) != (owner, when):
-        raise RecordError("an index points to another message")
-    length = int.from_bytes(raw[begin - 4 : begin], "little")
-    if start + begin + length > record.stop:
-        raise RecordError("a message reaches behind its chunk")
-    data: Raw = memoryview(raw)[begin : begin + length]
-    if length > len(data) and (is_whole or len(data) < HEAD):
-        data = file.read(start + begin, length)
-    return when, at, owner, data
 
 
 def _places(file: RawFile, record: Record, content: Raw) -> list[int]:

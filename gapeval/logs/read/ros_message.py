@@ -141,7 +141,9 @@ def _transform(item: Any) -> StampedTransform:
 
 
 def _single(values: Any) -> FloatArray:
-    return np.asarray(values, dtype=np.float64).reshape(-1, 1)
+    # A NaN that signals is NaN like any other.
+    with np.errstate(invalid="ignore"):
+        return np.asarray(values, dtype=np.float64).reshape(-1, 1)
 
 
 def _echoes(beams: Sequence[Any]) -> FloatArray:
@@ -151,5 +153,6 @@ def _echoes(beams: Sequence[Any]) -> FloatArray:
     # Rows of one length fill the array at once; a mask puts the rest where it belongs.
     out = np.full((len(beams), columns), np.nan)
     if len(beams):
-        out[np.arange(columns) < lengths[:, None]] = np.concatenate([beam.echoes for beam in beams])
+        with np.errstate(invalid="ignore"):
+            out[np.arange(columns) < lengths[:, None]] = np.concatenate([beam.echoes for beam in beams])
     return out

@@ -195,7 +195,8 @@ def _look_into(folder: _Folder) -> None:
     if not spans:
         raise errors[0]
     counts = {topic.name: topic.count for topic in merged_topics(found)}
-    for topic in folder.topics or ():
+    # Where something was lost, that is the reason, and told.
+    for topic in () if folder.losses.found else folder.topics or ():
         if counts.get(topic.name, 0) != topic.count:
             files = counts.get(topic.name, 0)
             folder.notices.append(

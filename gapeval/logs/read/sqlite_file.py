@@ -25,7 +25,7 @@ from gapeval.logs.read.container import (
     merged_topics,
     printable,
 )
-from gapeval.logs.read.losses import BAD_MESSAGE, BOMB, ODD_ROW, UNDESCRIBED, WAL_LEFT, Losses
+from gapeval.logs.read.losses import BAD_MESSAGE, BOMB, INDEX_LIES, ODD_ROW, UNDESCRIBED, WAL_LEFT, Losses
 from gapeval.logs.read.raw_file import raw_file
 from gapeval.logs.read.sqlite_salvage import Described, Salvaged, read_payload, salvaged
 
@@ -63,7 +63,8 @@ def open_sqlite_file(path: Path) -> Iterator[Container]:
             log = _Log(path, database, {}, losses)
             try:
                 described, counts, start, end = _read_topics(database)
-            except (sqlite3.Error, ValueError) as error:
+            except (sqlite3.Error, ValueError, TypeError) as error:
+                # sqlite3 lets anything stand in any column.
                 described, counts, start, end = _salvage(log, str(error))
                 notices = (DAMAGED,)
             log.topics = _topics(described, counts)
@@ -178,21 +179,29 @@ def _in_order(
     wanted = {number: topic for number, topic in log.topics.items() if topic.name in names}
     low = 0 if start is None else max(start, 0)
     high = LAST_TIME if stop is None else stop - 1
-    last: Place = (-1, -1)
+    before: Place = (-1, -1)
+    last: Place = (-1, -1)  # of the last message that was given; before: of the one before
     if log.salvaged is None:
         complete = {number for number, topic in wanted.items() if topic.name in whole}
         try:
             for place, number, data in _rows(log, wanted, complete, low, high):
-                last = place
+                if place < last:
+                    log.losses.add(Loss(log.path.name, INDEX_LIES))
+                    raise sqlite3.DatabaseError("its index by time is out of order")
+                before, last = last, place
                 if (message := _message(log, wanted, place[0], number, data)) is not None:
                     yield message
             return
         except sqlite3.Error as error:
-            # Beyond the damage the pages themselves are read.
+            # Beyond the damage the pages themselves are read; the last message may have been out of place.
             _salvage(log, str(error))
     with library_errors(log.path, KIND, ADVICE):
         for place, number, data in _salvaged_rows(log, wanted, low, high):
-            if place > last and (message := _message(log, wanted, place[0], number, data)) is not None:
+            if (
+                place > before
+                and place[1] != last[1]
+                and (message := _message(log, wanted, place[0], number, data)) is not None
+            ):
                 yield message
 
 
