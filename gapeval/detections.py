@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import IO, Any, Literal
 
@@ -15,7 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from gapeval import __version__
 from gapeval.errors import DetectionsError
-from gapeval.frame import Plane, Transform, robot_plane
+from gapeval.frame import Plane, PoseQuality, Transform, robot_plane
 
 OPENING = '{"type": "FeatureCollection",\n"frames": ['  # how our own files begin
 
@@ -57,7 +57,8 @@ class DetectedFrame:
     pose: fixed<-robot. plane: what labels are put on. gap_plane: what the gaps lie on. domain, shadow:
     where detections count; None where the file does not say. origin: foot of the sensor.
     polygons: (N,) of (Multi)Polygon, xy. crossings: of each gap, what is known of crossing it.
-    fallback: why the gaps' plane is not the one that was asked for; empty if it is.
+    fallback: why the gaps' plane is not the one that was asked for; empty if it is. quality: of the pose.
+    weights: how sure each gap is, see certainty; empty where that is not known.
     """
 
     stamp: int
@@ -70,6 +71,8 @@ class DetectedFrame:
     polygons: NDArray[np.object_]
     crossings: Sequence[Mapping[Method, Crossing]]
     fallback: str = ""
+    quality: PoseQuality | None = None
+    weights: Sequence[float | None] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -166,9 +169,14 @@ def _frame_json(frame: DetectedFrame) -> dict[str, Any]:
         translation, rotation = frame.pose.translation.tolist(), frame.pose.quaternion.tolist()
         pose = {"translation": translation, "rotation": rotation}
     plane = [frame.plane.a, frame.plane.b, frame.plane.c, frame.plane.d]
+    quality = None
+    if frame.quality is not None:
+        values = asdict(frame.quality).items()
+        quality = {name: value if math.isfinite(value) else None for name, value in values}
     return {
         "stamp": str(frame.stamp),
         "pose": pose,
+        "pose_quality": quality,
         "plane": plane,
         "sensor": list(frame.origin),
         "plane_fallback": frame.fallback,
@@ -178,8 +186,10 @@ def _frame_json(frame: DetectedFrame) -> dict[str, Any]:
 
 
 def _features(frame: DetectedFrame) -> Iterator[dict[str, Any]]:
-    for index, polygon in enumerate(frame.polygons):
+    weights = frame.weights or [None] * len(frame.polygons)
+    for index, (polygon, weight) in enumerate(zip(frame.polygons, weights, strict=True)):
         properties: dict[str, Any] = {"stamp": str(frame.stamp), "gap": index, "area": polygon.area}
+        properties["weight"] = weight
         for method, crossing in frame.crossings[index].items():
             properties |= crossing_properties(method, crossing)
         yield {
@@ -283,7 +293,25 @@ def _frame(entry: Any, features: list[Any]) -> tuple[DetectedFrame, int]:
         polygons=polygons,
         crossings=[_crossings(index, feature["properties"]) for index, feature in enumerate(features)],
         fallback=str(entry.get("plane_fallback") or ""),
+        quality=_quality(entry.get("pose_quality")),
+        weights=[_weight(feature["properties"].get("weight")) for feature in features],
     ), int(broken.sum())
+
+
+def _quality(values: Any) -> PoseQuality | None:
+    """What a file says of a pose; NaN where it says nothing."""
+    if values is None:
+        return None
+    known = {field.name: values.get(field.name) for field in fields(PoseQuality)}
+    if not all(value is None or 0 <= float(value) < math.inf for value in known.values()):
+        raise ValueError(f"pose_quality {values}: expected numbers of 0 or more")
+    return PoseQuality(**{name: math.nan if value is None else float(value) for name, value in known.items()})
+
+
+def _weight(value: Any) -> float | None:
+    if value is not None and not 0 <= float(value) <= 1:
+        raise ValueError(f"weight {value} is no probability")
+    return None if value is None else float(value)
 
 
 def _crossings(gap: int, properties: Mapping[str, Any]) -> dict[Method, Crossing]:

@@ -55,6 +55,22 @@ def whole_file(path: Path) -> Iterator[IO[str]]:
         yield files[path.name]
 
 
+@contextmanager
+def whole_stream(path: Path) -> Iterator[IO[bytes]]:
+    """One file of bytes that is written piece by piece, whole or not there. Raises GapevalError."""
+    unfinished = path.with_name(path.name + UNFINISHED)
+    try:
+        with unfinished.open("wb") as file:
+            yield file
+        unfinished.replace(path)
+    except OSError as error:
+        if error.filename is not None and str(error.filename) not in (str(unfinished), str(path)):
+            raise  # of something else that happened meanwhile
+        raise GapevalError(f"{path}: cannot be written: {error.strerror}") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
 def write_whole(path: Path, content: bytes) -> None:
     """One file of bytes, whole or not there; a link stays one. Raises GapevalError."""
     path = path.resolve()

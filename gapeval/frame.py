@@ -75,8 +75,14 @@ def sensor_angles(mount: Transform, places: FloatArray) -> tuple[FloatArray, Flo
     for a sensor that hangs upside down.
     """
     ray = mount.apply_inverse(places)
-    elevation = np.arctan2(upright(mount) * ray[..., 2], np.hypot(ray[..., 0], ray[..., 1]))
-    return np.arctan2(ray[..., 1], ray[..., 0]), elevation
+    return np.arctan2(ray[..., 1], ray[..., 0]), sensor_elevation(mount, places)
+
+
+def sensor_elevation(mount: Transform, places: FloatArray) -> FloatArray:
+    """The elevation [rad] (...) alone."""
+    ray = mount.apply_inverse(places)
+    elevation: FloatArray = np.arctan2(upright(mount) * ray[..., 2], np.hypot(ray[..., 0], ray[..., 1]))
+    return elevation
 
 
 def upright(mount: Transform) -> float:
@@ -100,7 +106,8 @@ class PoseQuality:
     """How well the robot's pose is known at a stamp.
 
     gap: widest time between two transforms that were interpolated [s]. roll, pitch [rad] and height [m]:
-    standard deviations, of the log's covariance and of what changes between those two transforms.
+    standard deviations, of the log's covariance and of what changes between those two transforms. NaN where
+    the log does not tell.
     """
 
     gap: float

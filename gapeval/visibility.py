@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from gapeval.config import BlindBelow, BodyBox, FieldOfView, Sensor
-from gapeval.frame import FloatArray, Frame, Plane, Transform, Viewpoint, sensor_angles, upright
+from gapeval.frame import (
+    FloatArray,
+    Frame,
+    Plane,
+    Transform,
+    Viewpoint,
+    sensor_angles,
+    sensor_elevation,
+    upright,
+)
 
 AZIMUTH_STEP = np.deg2rad(0.5)  # of shadows, and of the outline of what a sensor sees
 BINS = 720  # around
@@ -22,9 +31,17 @@ def without_body(points: NDArray[np.float32], body: BodyBox | None) -> NDArray[n
     """The points (N, 3), robot frame [m], that are not of the robot itself."""
     if body is None:
         return points
-    low, high = np.array([body.x, body.y, body.z]).T
-    others: NDArray[np.float32] = points[~((points >= low) & (points <= high)).all(axis=1)]
+    others: NDArray[np.float32] = points[~of_body(points, body)]
     return others
+
+
+def of_body(points: NDArray[np.float32], body: BodyBox | None) -> NDArray[np.bool_]:
+    """Which points (N, 3), robot frame [m], are of the robot itself, (N,)."""
+    if body is None:
+        return np.zeros(len(points), dtype=np.bool_)
+    low, high = np.array([body.x, body.y, body.z]).T
+    inside: NDArray[np.bool_] = ((points >= low) & (points <= high)).all(axis=1)
+    return inside
 
 
 def lowest_ray(sensor: Sensor, source: Frame | Viewpoint) -> float:
@@ -54,9 +71,9 @@ def looked_at(
 ) -> NDArray[np.bool_]:
     """Whether the sensor would see the plane at places (..., 2), robot frame [m], were nothing in the way."""
     ground = np.concatenate([places, plane.height(places)[..., None]], axis=-1)
-    azimuth, elevation = sensor_angles(mount, ground)
-    seen: NDArray[np.bool_] = elevation >= lowest
+    seen: NDArray[np.bool_] = sensor_elevation(mount, ground) >= lowest
     if fov is not None:
+        azimuth, elevation = sensor_angles(mount, ground)
         seen &= (elevation >= fov.elevation[0]) & (elevation <= fov.elevation[1])
         seen &= (azimuth >= fov.azimuth[0]) & (azimuth <= fov.azimuth[1])
     return seen

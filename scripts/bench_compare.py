@@ -96,7 +96,8 @@ def _write_frames(path: Path, ids: list[str], frames: int, found: Drawn) -> None
             ]
             head = f"{LOG},{FIRST + frame * STEP}"
             texts = map(",".join, zip(*columns, strict=True))
-            file.writelines(f"{head},{name},,{text}\n" for name, text in zip(ids, texts, strict=True))
+            known = "," * len(tables.POSE)
+            file.writelines(f"{head},{name},,{known}{text}\n" for name, text in zip(ids, texts, strict=True))
 
 
 def _write_labels(path: Path, ids: list[str], frames: int, found: Drawn) -> None:

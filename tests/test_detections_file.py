@@ -14,7 +14,7 @@ from scenes import NOTHING
 import gapeval
 from gapeval.detections import METHODS, Crossing, DetectedFrame, read_detections, write_detections
 from gapeval.errors import DetectionsError
-from gapeval.frame import Plane, Transform, robot_plane
+from gapeval.frame import Plane, PoseQuality, Transform, robot_plane
 
 RANDOM = settings(deadline=None, derandomize=True, max_examples=60)
 HEADER = {
@@ -98,6 +98,46 @@ def test_numbers_of_a_frame_come_back_equal(tmp_path_factory, stamp, translation
     assert found.fallback == "patch is tilted"
 
 
+def test_pose_quality_and_weights_come_back_equal(tmp_path):
+    """What is not known as null: NaN is no JSON."""
+    quality = PoseQuality(0.1, 0.01, math.nan, 1e-9)
+    sure = frame(7, POLYGONS[:2], quality=quality, weights=[0.25, None])
+    text, _ = written([sure])
+    assert json.loads(text, parse_constant=refuse)["frames"][0]["pose_quality"]["pitch"] is None
+    first, second = returned(tmp_path, [sure, frame(8)]).frames
+    assert repr(first.quality) == repr(quality)
+    assert list(first.weights) == [0.25, None]
+    assert (second.quality, list(second.weights)) == (None, [])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"pose_quality": {"roll": -1}}, "frame 0: pose_quality .* 0 or more"),
+        ({"pose_quality": {"gap": "soon"}}, "frame 0: could not convert"),
+        ({"pose_quality": {"gap": [1]}}, "frame 0: float"),
+        ({"pose_quality": [0, 0]}, "frame 0"),
+    ],
+)
+def test_a_pose_quality_that_is_none_is_refused(tmp_path, change, message):
+    document = json.loads(written([frame(1, POLYGONS[:1])])[0])
+    document["frames"][0] |= change
+    path = tmp_path / "d.geojson"
+    path.write_text(json.dumps(document))
+    with pytest.raises(DetectionsError, match=message):
+        read_detections(path)
+
+
+def test_a_weight_that_is_no_probability_is_refused(tmp_path):
+    document = json.loads(written([frame(1, POLYGONS[:1])])[0])
+    path = tmp_path / "d.geojson"
+    for weight in (1.5, -0.1, "much"):
+        document["features"][0]["properties"]["weight"] = weight
+        path.write_text(json.dumps(document))
+        with pytest.raises(DetectionsError, match="frame 0"):
+            read_detections(path)
+
+
 def test_polygons_with_holes_and_parts_come_back_equal(tmp_path):
     found = returned(tmp_path, [frame(7, POLYGONS, domain=HOLED, shadow=TWO), frame(8, POLYGONS[:1])])
     assert found.repaired == 0
@@ -172,7 +212,9 @@ def test_the_file_is_strict_json_as_documented():
     assert document["frames"][1]["domain"] is None
     (gap,) = document["features"]
     names = ["traversable", "reason", "length", "yaw", "centre", "start", "end", "tie"]
-    expected = {"stamp", "gap", "area"} | {f"{method}_{name}" for method in METHODS for name in names}
+    expected = {"stamp", "gap", "area", "weight"} | {
+        f"{method}_{name}" for method in METHODS for name in names
+    }
     assert set(gap["properties"]) == expected
     assert (gap["properties"]["stamp"], gap["properties"]["gap"]) == (str(2**62 + 1), 0)
     assert gap["properties"]["area"] == HOLED.area

@@ -15,7 +15,7 @@ from gapeval.config import Config, Configuration, CrossingRules, Detector, Domai
 from gapeval.detections import DetectedFrame, Detections, read_detections, write_detections
 from gapeval.errors import ConfigError, DetectionsError, GapevalError, LabelError
 from gapeval.files import whole_file
-from gapeval.frame import Frame, Transform, Viewpoint, robot_plane
+from gapeval.frame import Frame, PoseQuality, Transform, Viewpoint, robot_plane
 from gapeval.report.text import best_table, metrics_table, short
 from gapeval.results import tables
 from gapeval.results.from_detections import at_labelled_stamps, score_detections
@@ -107,13 +107,16 @@ def test_columns_are_the_documented_ones(tmp_path):
     approached = ["first_hit_range", "towards_missed"]
     summary = ["log", "configuration", *PARAMETERS, "best", *each, *approached, *COUNTED]
     assert header(tmp_path / "summary.csv") == summary
-    assert header(tmp_path / "frames.csv") == ["log", "stamp", "configuration", "plane_fallback", *SUMS]
+    pose = ["pose_gap", "pose_roll", "pose_pitch", "pose_height"]
+    frames = ["log", "stamp", "configuration", "plane_fallback", *pose, *SUMS]
+    assert header(tmp_path / "frames.csv") == frames
     assert header(tmp_path / "labels.csv") == LABEL_COLUMNS
     assert header(tmp_path / "timing.csv") == ["log", "stage", "shared_by", "frames", "median", "p95"]
     known = ["traversable", "reason", "length", "yaw"]
     known += [f"{spot}_{axis}" for spot in ("centre", "start", "end") for axis in "xyz"]
     crossings = [f"{method}_{name}" for method in ("npca", "pca") for name in (*known, "tie")]
-    assert header(tmp_path / "gaps.csv") == ["log", "stamp", "configuration", "gap", "area", *crossings]
+    gaps = ["log", "stamp", "configuration", "gap", "area", "weight", *crossings]
+    assert header(tmp_path / "gaps.csv") == gaps
 
 
 def test_no_column_is_there_twice_and_each_has_a_meaning():
@@ -260,6 +263,27 @@ def test_a_fallback_is_told(tmp_path):
         "patch has too few points",
         "",
     ]
+
+
+def test_how_well_the_pose_is_known_stands_beside_each_configuration(tmp_path):
+    """Nothing where it is not known, as a whole or in part."""
+    known = replace(together([answer(), answer()]), quality=PoseQuality(0.25, 0.001, 0.0, math.nan))
+    for quality, expected in (
+        (known, ("0.25", "0.001", "0.0", "")),
+        (together([answer(), answer()]), ("",) * 4),
+    ):
+        with open_store(tmp_path, POINTS[:2], {"a.bag": np.array([1])}, 2.0) as store:
+            store.add("a.bag", 1, quality, {})
+            store.finish("", {}, ["a.bag"])
+        for row in rows(tmp_path / "frames.csv"):
+            assert tuple(row[f"pose_{name}"] for name in ("gap", "roll", "pitch", "height")) == expected
+            assert row["frames"] == "1"
+
+
+def test_a_gap_has_the_weight_that_its_pose_leaves(tmp_path):
+    gaps = [GapAnswer(1.0, {}, 0.9), GapAnswer(1.0, {})]
+    write(tmp_path, [("a.bag", 1, [answer(gaps=gaps)])], POINTS[:1], with_gaps=True)
+    assert [row["weight"] for row in rows(tmp_path / "gaps.csv")] == ["0.9", ""]
 
 
 # --- sums over logs ----------------------------------------------------------------------------------
@@ -608,11 +632,14 @@ UP = (0.02, -0.03, math.sqrt(1 - 0.02**2 - 0.03**2))
 ELSEWHERE = Viewpoint(Transform.of([-0.6, 0.8, 0.7], [0, 0, 0, 1]), -1.2)
 
 
+QUALITY = PoseQuality(0.05, 0.01, 0.02, math.nan)
+
+
 @pytest.mark.parametrize("others", [(), (ELSEWHERE,)])
 @pytest.mark.parametrize("plane", ["robot", "patch", "gravity"])
 def test_detect_then_score_is_exactly_what_sweep_gives(tmp_path, plane, others):
     chosen = Configuration(detector=Detector(plane=plane))
-    rules, frame = Scoring(), replace(field_with_a_hole(), others=others, up=UP)
+    rules, frame = Scoring(), replace(field_with_a_hole(), others=others, up=UP, quality=QUALITY)
     drawn = label("hole", box(1.5, -0.8, 2.1, 0.8), traversable=True, length=0.6, crossing_yaw=0.0)
     other = label("behind the wall", box(1.4, 1.8, 1.9, 2.2))
     labels = label_file(drawn, other)
@@ -626,6 +653,7 @@ def test_detect_then_score_is_exactly_what_sweep_gives(tmp_path, plane, others):
     again = rescored(read_detections(path).frames[0], labels, "base_link", rules)
     assert alone(again) == alone(swept)
     assert again.labels == swept.labels
+    assert repr(again.quality) == repr(swept.quality) == repr(QUALITY)
     assert alone(swept)["hits"] == 1
     assert {row.state for row in swept.labels[0]} == {"visible", "shadowed"}
 

@@ -136,11 +136,12 @@ def test_a_cell_whose_corner_is_the_viewpoint_hides_what_is_behind_it():
     """Two lasers one above the other: the cells at the pole begin where they are."""
     grid = polar_grid(9, 9, 1.1, 3.0, (0.2, 0.1))
     obstacle = np.zeros((grid.rows, 18), dtype=np.bool_)
-    obstacle[0, 4] = True  # straight ahead
+    obstacle[0, 6] = True  # from 30 to 50 degrees to the left
     origin = np.array(grid.origin)
-    places = origin + np.array([[2.0, 0.0], [2.0, 0.3], [2.0, 1.0], [-2.0, 0.0], [0.0, -2.0]])
+    angles = np.radians([31, 40, 49, 27, 53, 0, 220])
+    places = origin + 2 * np.column_stack([np.cos(angles), np.sin(angles)])
     before = Standing.of(grid, obstacle).before(places, origin, 720)
-    assert before.tolist() == [True, True, False, False, False]
+    assert before.tolist() == [True] * 3 + [False] * 4
 
 
 def test_without_obstacles_nothing_is_before_anything():

@@ -40,7 +40,7 @@ def demo(output: Path, jobs: int | None) -> None:
     simulated, log, labels = simulate_log("tunnel", SENSOR, FRAMES, SEED, "mcap", output)
     papers = Config(robot=simulated.sensor.robot)  # all else by default is the paper's
     gaps, picture = output / "detections.geojson", output / "frame.png"
-    detect_gaps(papers, log, gaps, picture, labels=labels)
+    detect_gaps(papers, log, gaps, picture=picture, labels=labels)
     grid = papers.model_copy(update={"grid": GRID})
     sweep_logs(grid, [log], [labels], output / "results", Way(jobs), also=papers.base.id)
     click.echo(f"paper      configuration {papers.base.id}")

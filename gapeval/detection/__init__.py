@@ -24,6 +24,7 @@ from gapeval.detection.surface import (
     polar_points,
     reach_of,
     surface,
+    within_box,
 )
 from gapeval.detection.viewpoints import Elsewhere, Sight, circle, elsewhere, rows_around
 from gapeval.frame import Frame, Plane, Transform
@@ -115,12 +116,8 @@ def bin_points(
     if not sight.others:
         return Binned(fit, table, None, seen)
     around = share(highest_around, points, grid, rows_around(grid, sight.others))
-    return Binned(
-        fit,
-        table,
-        share(elsewhere, around, margin, sight),
-        share(also_seen, grid, seen, box.x_min, sight),
-    )
+    beside = share(elsewhere, around, margin, sight)
+    return Binned(fit, table, beside, share(also_seen, grid, seen, box.x_min, beside))
 
 
 def mark(binned: Binned, params: Detector, share: Share) -> Surface:
@@ -164,12 +161,7 @@ def cells_in_box(grid: PolarGrid, x_min: float) -> BoolArray:
     return in_box(midpoints(grid), x_min, grid.origin, grid.r_max) & measurable
 
 
-def also_seen(grid: PolarGrid, seen: Mask, x_min: float, sight: Sight) -> Mask:
+def also_seen(grid: PolarGrid, seen: Mask, x_min: float, elsewhere: Elsewhere) -> Mask:
     """Cells of the box that the sensor, or any other viewpoint, looks at."""
-    cells = seen.cells.copy()
-    for view in sight.others:
-        rest = np.nonzero(cells_in_box(grid, x_min) & ~cells)
-        cells[rest] = looked_at(
-            midpoints(grid)[rest], sight.plane, view.mount, view.lowest_elevation, sight.fov
-        )
-    return Mask(cells)
+    looked = within_box(np.asarray(elsewhere.looked_at.any(axis=0)), elsewhere.margin)
+    return Mask(seen.cells | looked & cells_in_box(grid, x_min))

@@ -41,7 +41,8 @@ class Around:
 class Elsewhere:
     """What the other viewpoints need to know of a grid with `margin`, and of what stands around it.
 
-    looked_at: whether the sensor itself looks there, (height - 1 + margin, width + 2 margin).
+    looked_at: whether the sensor, and each of the others, looks there, (1 + V, height - 1 + margin,
+    width + 2 margin).
     """
 
     around: Around
@@ -68,8 +69,11 @@ def elsewhere(around: Around, margin: int, sight: Sight) -> Elsewhere:
     grid = around.grid
     rows, columns = grid.rows + margin, np.arange(-margin, grid.width + margin)
     places = _midpoints(grid, rows, np.arange(rows)[:, None], columns[None, :])
-    looked = looked_at(places, sight.plane, sight.mount, sight.lowest, sight.fov)
-    return Elsewhere(around, margin, sight, looked)
+    looking = [Viewpoint(sight.mount, sight.lowest), *sight.others]
+    looked = [
+        looked_at(places, sight.plane, view.mount, view.lowest_elevation, sight.fov) for view in looking
+    ]
+    return Elsewhere(around, margin, sight, np.stack(looked))
 
 
 def hidden_from_all(
@@ -81,21 +85,21 @@ def hidden_from_all(
     nobody looks at, and ground, stays as it is.
     """
     grid, sight = elsewhere.around.grid, elsewhere.sight
-    asked = ~(ground | obstacle) & (shaded | ~elsewhere.looked_at)
+    by_sensor, *by_others = elsewhere.looked_at
+    asked = ~(ground | obstacle) & (shaded | ~by_sensor)
     row, column = np.nonzero(asked)
     places = _midpoints(grid, len(asked), row, column - elsewhere.margin)
     standing = Standing.of(grid, elsewhere.around.highest > pl_th)
-    looked, free = elsewhere.looked_at[asked], np.zeros(len(row), dtype=np.bool_)
-    left = np.arange(len(row))
-    for view in sight.others:
-        here = looked_at(places[left], sight.plane, view.mount, view.lowest_elevation, sight.fov)
-        looked[left[here]] = True
-        left_here = left[here]
-        open_ = ~standing.before(places[left_here], view.mount.translation[:2], bins(grid))
-        free[left_here[open_]] = True
+    free, left = np.zeros(len(row), dtype=np.bool_), np.arange(len(row))
+    for view, looked in zip(sight.others, by_others, strict=True):
+        here = looked[asked]
+        looking = left[here[left]]
+        before = standing.before(places[looking], view.mount.translation[:2], bins(grid))
+        free[looking[~before]] = True
         left = left[~free[left]]
     hidden = shaded.copy()
-    hidden[asked] = np.where(looked, ~free, shaded[asked])
+    by_any = np.asarray(elsewhere.looked_at.any(axis=0))
+    hidden[asked] = np.where(by_any[asked], ~free, shaded[asked])
     return hidden
 
 

@@ -32,8 +32,9 @@ def rows_of(log: str, stamp: int, ids: Sequence[str], answers: Answers) -> Rows:
     """The rows of one frame under the configurations with these ids."""
     heads = [f"{quoted(log)},{stamp},{quoted(name)}," for name in ids]
     fallbacks = map(quoted, answers.fallbacks)
+    pose = ",".join(map(_field, tables.pose_row(answers.quality)))
     frames = [
-        f"{head}{fallback},{sums}\n"
+        f"{head}{fallback},{pose},{sums}\n"
         for head, fallback, sums in zip(heads, fallbacks, _sums(answers.sums), strict=True)
     ]
     return Rows(

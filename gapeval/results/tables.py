@@ -1,11 +1,13 @@
 """The columns of the CSV files; names are the same in every file and in docs/results.md."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from gapeval.config import Configuration, CrossingRules, Detector, limits
 from gapeval.detections import METHODS, crossing_properties
+from gapeval.frame import PoseQuality
 from gapeval.scoring.label_score import LabelScore
 from gapeval.scoring.metrics import COUNTS, METRICS, SUMS, WITHOUT_LABELS
 from gapeval.sweep.evaluation import GapAnswer
@@ -18,6 +20,8 @@ CROSSING = ("d_r", "standoff", "eta", "clearance", "uniform", "rules", "min_obse
 PARAMETERS = ("k", *DETECTOR, *CROSSING)
 METRIC_NAMES = tuple(metric.name for metric in METRICS)
 
+POSE = tuple(f"pose_{field.name}" for field in fields(PoseQuality))
+
 ENDS = ("low", "high")  # of the 95 % interval of a metric
 
 SUMMARY, FRAMES, LABELS, GAPS = "summary.csv", "frames.csv", "labels.csv", "gaps.csv"
@@ -28,7 +32,7 @@ SUMMARY_COLUMNS = (
     *(column for name in METRIC_NAMES for column in (name, *(f"{name}_{end}" for end in ENDS))),
     *("first_hit_range", "towards_missed", *COUNTS),
 )
-FRAME_COLUMNS = ("log", "stamp", "configuration", "plane_fallback", *SUMS)
+FRAME_COLUMNS = ("log", "stamp", "configuration", "plane_fallback", *POSE, *SUMS)
 LABEL_COLUMNS = ("log", "stamp", "configuration", *(field.name for field in fields(LabelScore)))
 POSITIONS = tuple(f"{spot}_{axis}" for spot in ("centre", "start", "end") for axis in "xyz")
 CROSSING_COLUMNS = tuple(
@@ -36,7 +40,7 @@ CROSSING_COLUMNS = tuple(
     for method in METHODS
     for name in ("traversable", "reason", "length", "yaw", *POSITIONS, "tie")
 )
-GAP_COLUMNS = ("log", "stamp", "configuration", "gap", "area", *CROSSING_COLUMNS)
+GAP_COLUMNS = ("log", "stamp", "configuration", "gap", "area", "weight", *CROSSING_COLUMNS)
 HIT_COLUMNS = ("log", "configuration", "by", "low", "high", "asked", "hits", "hit_rate")
 APPROACH_COLUMNS = (
     *("log", "configuration", "label", "width", "asked", "hits", "first_asked", "first_hit"),
@@ -65,6 +69,10 @@ def meanings() -> dict[str, str]:
         "stamp": "ns, of the cloud",
         "best": "`true` for the best configuration of the log, chosen on these data; see scoring.md",
         "plane_fallback": "why the plane is the robot's though another was asked for; see detector.md",
+        "pose_gap": "s, longest time between two transforms that the pose was interpolated from",
+        "pose_roll": "rad, standard deviation of the robot's roll; see results.md",
+        "pose_pitch": "rad, of its pitch",
+        "pose_height": "m, of its height",
         "label": "the label's id",
         "state": "`visible`, `partly`, `shadowed` or `out_of_view`",
         "range": "m, along the ground, from below the sensor to the nearest visible point of the label",
@@ -81,6 +89,7 @@ def meanings() -> dict[str, str]:
         "width": "m, the label's own length, else the least width of its convex hull",
         "gap": "the gap's index in its frame, near gaps first",
         "area": "m2",
+        "weight": "probability that the pose is good enough for this gap; see detections.md",
         "by": "what the rows are classes of: `range`, as in labels.csv, or `width`",
         "low": "m, the class begins here",
         "high": "m, the class ends before this; `inf`: it has no end",
@@ -163,6 +172,12 @@ def sums_row(sums: Mapping[str, float]) -> Row:
     return {name: _number(name, sums[name]) for name in names}
 
 
+def pose_row(quality: PoseQuality | None) -> list[float | None]:
+    """What stands in the columns POSE; nothing for what is not known."""
+    values = [None] * len(POSE) if quality is None else [getattr(quality, name[5:]) for name in POSE]
+    return [value if value is not None and math.isfinite(value) else None for value in values]
+
+
 def label_rows(labels: Iterable[LabelScore]) -> Iterator[list[Any]]:
     """What follows the configuration in the columns of labels.csv."""
     for label in labels:
@@ -172,7 +187,7 @@ def label_rows(labels: Iterable[LabelScore]) -> Iterator[list[Any]]:
 def gap_rows(gaps: Iterable[GapAnswer]) -> Iterator[list[Any]]:
     """What follows the configuration in the columns of gaps.csv."""
     for index, gap in enumerate(gaps):
-        row: Row = {"gap": index, "area": gap.area}
+        row: Row = {"gap": index, "area": gap.area, "weight": gap.weight}
         for method, crossing in gap.crossings.items():
             for name, value in crossing_properties(method, crossing).items():
                 if isinstance(value, list):

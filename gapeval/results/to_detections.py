@@ -1,20 +1,25 @@
-"""One configuration over one log, written as a detections file."""
+"""One configuration over one log, written as a detections file, and as a log to look at."""
 
 import json
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from gapeval.config import Config
+from gapeval.config import Config, Scoring
+from gapeval.detection import detect
 from gapeval.detections import OPENING, DetectedFrame, write_detections
 from gapeval.errors import ConfigError, GapevalError
 from gapeval.files import whole_file
 from gapeval.frame import Frame
+from gapeval.labels import Labels
 from gapeval.logs.read import Recording, read_frames
+from gapeval.logs.write.display import Shown, display, require_display
 from gapeval.results.manifest import LogTally
+from gapeval.results.to_markers import classified_points, crossing_markers, gap_markers, label_markers
 from gapeval.scoring.scene import common_domain, common_plane
-from gapeval.sweep.evaluation import Question, detected
+from gapeval.sweep.evaluation import Question, described, rescored
 from gapeval.sweep.executor import one_thread
 from gapeval.sweep.grid import the_one
 
@@ -57,11 +62,32 @@ def one_frame(recording: Recording, number: int) -> Frame:
     )
 
 
-def detect_log(config: Config, recording: Recording, output: Path, advance: Callable[[], object]) -> Detected:
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """Where what is detected goes: detections (GeoJSON), and a log to look at (MCAP) with these labels in it.
+
+    None for what is not wanted; one of the two is.
+    """
+
+    detections: Path | None
+    display: Path | None = None
+    labels: Labels | None = None
+
+    def check(self) -> None:
+        """Raises GapevalError rather than replace what is not of the same kind."""
+        if self.detections:
+            check_replaceable(self.detections)
+        if self.display:
+            require_display(self.display)
+
+
+def detect_log(
+    config: Config, recording: Recording, outputs: Outputs, advance: Callable[[], object]
+) -> Detected:
     """Raises ConfigError for a grid with a choice, GapevalError if no cloud could be used."""
     one_thread()
     chosen = the_one(config)
-    check_replaceable(output)
+    outputs.check()
     box = common_domain([chosen], config.scoring)
     question = Question((chosen,), config.scoring, *box, plane=common_plane([chosen]))
     tally = LogTally(dict(recording.refused))
@@ -71,11 +97,17 @@ def detect_log(config: Config, recording: Recording, output: Path, advance: Call
         "configuration": {"id": chosen.id} | json.loads(chosen.model_dump_json()),
     }
 
-    def frames() -> Iterator[DetectedFrame]:
+    def frames(show: Callable[[Shown], None] | None) -> Iterator[DetectedFrame]:
         for item in read_frames(recording, 0, len(recording.scans)):
             if isinstance(item, Frame):
                 tally.add(item.digest, len(item.points) + item.dropped, item.dropped)
-                yield detected(item, chosen, question)
+                detection = detect(item, chosen)
+                found = described(item, detection, chosen, question)
+                if show:
+                    for shown in shown_of(found, outputs.labels, recording.robot_frame, config.scoring):
+                        show(shown)
+                    show(classified_points(item, detection, chosen, recording.robot_frame))
+                yield found
             else:
                 tally.refuse(str(item))
             advance()
@@ -83,6 +115,21 @@ def detect_log(config: Config, recording: Recording, output: Path, advance: Call
             raise GapevalError(f"{recording.path}: no cloud could be used ({'; '.join(tally.refused)})")
         header["log"] = {"name": recording.path.name, "sha256": tally.identity.hexdigest()}
 
-    with whole_file(output) as file:
-        gaps = write_detections(file, header, frames())
+    with display(outputs.display) if outputs.display else nullcontext() as show:
+        if outputs.detections is None:
+            gaps = sum(len(frame.polygons) for frame in frames(show))
+        else:
+            with whole_file(outputs.detections) as file:
+                gaps = write_detections(file, header, frames(show))
     return Detected(chosen.id, tally.frames, gaps, tally.refused)
+
+
+def shown_of(
+    found: DetectedFrame, labels: Labels | None, robot_frame: str, scoring: Scoring
+) -> Iterator[Shown]:
+    """What is drawn of a frame, and of the labels in it, with what they are worth."""
+    yield gap_markers(found, robot_frame)
+    yield crossing_markers(found, robot_frame)
+    if labels is not None:
+        (scores,) = rescored(found, labels, robot_frame, scoring).labels
+        yield label_markers(found, labels, scores, robot_frame)

@@ -8,9 +8,10 @@ import shapely
 from numpy.typing import NDArray
 
 from gapeval.config import Configuration, Domain, Scoring
-from gapeval.detection import Gaps, detect, detect_each
+from gapeval.detection import Detection, Gaps, detect, detect_each
+from gapeval.detection.certainty import weights
 from gapeval.detections import METHODS, Crossing, DetectedFrame, Method
-from gapeval.frame import FloatArray, Frame
+from gapeval.frame import FloatArray, Frame, PoseQuality
 from gapeval.labels import Labels
 from gapeval.scoring.crossings import Verdicts, verdicts_of_one
 from gapeval.scoring.label_score import LabelScore
@@ -43,10 +44,11 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class GapAnswer:
-    """One gap: its area [m2] and its crossings by method."""
+    """One gap: its area [m2], its crossings by method, and how sure it is, see certainty; None if unknown."""
 
     area: float
     crossings: dict[Method, Crossing]
+    weight: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,6 +58,7 @@ class Answers:
     sums: (C, len(SUMS)), columns in the order of scoring.metrics.SUMS; no scored_frames: it has no labels.
     labels: of each configuration. asked: the labels (A) that were asked for; hits: (C, A) of them.
     fallbacks: why its plane is not the one asked for, or empty. gaps: empty unless asked to keep them.
+    quality: of the robot's pose.
     """
 
     sums: FloatArray
@@ -64,6 +67,7 @@ class Answers:
     gaps: tuple[tuple[GapAnswer, ...], ...]
     asked: tuple[AskedLabel, ...]
     hits: NDArray[np.bool_]
+    quality: PoseQuality | None = None
 
 
 def evaluate(
@@ -118,7 +122,10 @@ def evaluate_together(
     fallbacks = tuple(detection.fallback for detection in detections)
     kept: tuple[tuple[GapAnswer, ...], ...] = ((),) * len(gaps)
     if question.keep_gaps:
-        kept = tuple(_kept(of, by_gap(crossings.of(index))) for index, of in enumerate(gaps))
+        kept = tuple(
+            _kept(of, by_gap(crossings.of(index)), weights(of.polygons, frame.quality, c.detector.pl_th))
+            for index, (of, c) in enumerate(zip(gaps, configurations, strict=True))
+        )
     return Answers(
         with_fallbacks(scores.sums, fallbacks),
         scores.labels,
@@ -126,6 +133,7 @@ def evaluate_together(
         kept,
         () if asked is None else asked_labels(asked),
         scores.hits,
+        frame.quality,
     )
 
 
@@ -138,6 +146,7 @@ def joined(parts: Sequence[Answers]) -> Answers:
         tuple(gaps for part in parts for gaps in part.gaps),
         parts[0].asked,
         np.concatenate([part.hits for part in parts]),
+        parts[0].quality,
     )
 
 
@@ -163,13 +172,21 @@ def with_fallbacks(sums: FloatArray, fallbacks: Sequence[str]) -> FloatArray:
     return counted
 
 
-def _kept(gaps: Gaps, crossings: Sequence[dict[Method, Crossing]]) -> tuple[GapAnswer, ...]:
-    return tuple(map(GapAnswer, shapely.area(gaps.polygons).tolist(), crossings))
+def _kept(
+    gaps: Gaps, crossings: Sequence[dict[Method, Crossing]], weights: Sequence[float | None]
+) -> tuple[GapAnswer, ...]:
+    return tuple(map(GapAnswer, shapely.area(gaps.polygons).tolist(), crossings, weights))
 
 
 def detected(frame: Frame, configuration: Configuration, question: Question) -> DetectedFrame:
     """One frame under one configuration, as the detections format holds it."""
-    detection = detect(frame, configuration)
+    return described(frame, detect(frame, configuration), configuration, question)
+
+
+def described(
+    frame: Frame, detection: Detection, configuration: Configuration, question: Question
+) -> DetectedFrame:
+    """What was detected in a frame, as the detections format holds it."""
     crossings = by_gap(assess(detection, configuration.robot, configuration.crossing))
     box, origin, kind = question.domain, question.origin, question.plane
     seen = view(frame, box, origin, configuration, question.scoring, kind)
@@ -184,6 +201,8 @@ def detected(frame: Frame, configuration: Configuration, question: Question) -> 
         polygons=detection.gaps.polygons,
         crossings=crossings,
         fallback=detection.fallback,
+        quality=frame.quality,
+        weights=weights(detection.gaps.polygons, frame.quality, configuration.detector.pl_th),
     )
 
 
@@ -205,4 +224,5 @@ def rescored(frame: DetectedFrame, labels: Labels, robot_frame: str, scoring: Sc
         ((),),
         () if asked is None else asked_labels(asked),
         scores.hits,
+        frame.quality,
     )

@@ -107,7 +107,7 @@ def _cloud(store: Typestore, cloud: Cloud) -> Any:
     field = store.types["sensor_msgs/msg/PointField"]
     step = 4 * len(layout)
     return store.types[POINT_CLOUD](
-        header=_header(store, cloud.stamp, cloud.frame_id),
+        header=header_of(store, cloud.stamp, cloud.frame_id),
         height=1,
         width=len(rows),
         fields=[field(name=name, offset=offset, datatype=kind, count=1) for name, offset, kind in layout],
@@ -123,7 +123,7 @@ def _scan(store: Typestore, scan: Scan) -> Any:
     first, last, step = scan.angles
     low, high = scan.limits
     return store.types[LASER_SCAN](
-        header=_header(store, scan.stamp, scan.frame_id),
+        header=header_of(store, scan.stamp, scan.frame_id),
         angle_min=first,
         angle_max=last,
         angle_increment=step,
@@ -141,7 +141,7 @@ def _link(store: Typestore, stamp: int, link: Link) -> Any:
     x, y, z = link.transform.translation.tolist()
     qx, qy, qz, qw = link.transform.quaternion.tolist()
     return make["geometry_msgs/msg/TransformStamped"](
-        header=_header(store, stamp, link.parent),
+        header=header_of(store, stamp, link.parent),
         child_frame_id=link.child,
         transform=make["geometry_msgs/msg/Transform"](
             translation=make["geometry_msgs/msg/Vector3"](x=x, y=y, z=z),
@@ -150,7 +150,7 @@ def _link(store: Typestore, stamp: int, link: Link) -> Any:
     )
 
 
-def _header(store: Typestore, stamp: int, frame_id: str) -> Any:
+def header_of(store: Typestore, stamp: int, frame_id: str) -> Any:
     kind: Any = store.types["std_msgs/msg/Header"]
     time = store.types["builtin_interfaces/msg/Time"](sec=stamp // 10**9, nanosec=stamp % 10**9)
     ros1 = {"seq": 0} if "seq" in kind.__dataclass_fields__ else {}

@@ -8,12 +8,14 @@ from shapely.geometry.base import BaseGeometry
 
 from gapeval.config import Configuration
 from gapeval.detection import Detection, Surface, detect
+from gapeval.detection.classes import BELOW, against_plane
+from gapeval.detection.classes import GROUND as ON_PLANE
+from gapeval.detection.classes import OBSTACLE as ABOVE
 from gapeval.detections import Crossing
 from gapeval.frame import FloatArray, Frame
 from gapeval.labels import Label, Labels, place
 from gapeval.scoring.scene import common_plane, plane_of
 from gapeval.traversability import assess
-from gapeval.visibility import without_body
 
 # What is known of a cell.
 GROUND, OBSTACLE, SHADED, UNSEEN, GAP, OPENED = range(6)
@@ -86,11 +88,9 @@ class PointClasses:
 
 def classify(frame: Frame, detection: Detection, configuration: Configuration) -> PointClasses:
     """|t| <= Pl_th, t > Pl_th and t < -Pl_th, Eq. (1); without robot.body and what the box cuts in z."""
-    params = configuration.detector
-    points = without_body(frame.points, configuration.robot.body).astype(np.float64)
-    points = points[(points[:, 2] >= -params.z_min) & (points[:, 2] <= params.z_max)]
-    t, xy = detection.plane.distance(points), points[:, :2]
-    return PointClasses(xy[np.abs(t) <= params.pl_th], xy[t > params.pl_th], xy[t < -params.pl_th])
+    classes = against_plane(frame, detection.plane, configuration)
+    xy = frame.points[:, :2].astype(np.float64)
+    return PointClasses(*(xy[classes == each] for each in (ON_PLANE, ABOVE, BELOW)))
 
 
 def binary_cells(surface: Surface) -> NDArray[np.uint8]:
