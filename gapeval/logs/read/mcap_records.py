@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
 from gapeval.logs.read.container import Raw
-from gapeval.logs.read.raw_file import CutError, RawFile
+from gapeval.logs.read.raw_file import CutError, RawFile, checksum
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = 9  # opcode and length of a record
@@ -143,6 +143,20 @@ def chunk_index(content: Raw) -> Block:
     # Message indexes may be left out while chunk indexes are there: then any channel may be in the chunk.
     count = max(behind - len(indexes) * (HEAD + MESSAGE_INDEX_HEAD.size), 0) // 16 if indexes else None
     return Block(True, offset, offset + length, start, end, channels or None, count)
+
+
+def data_checksum(file: RawFile) -> int:
+    """CRC-32 of the data section: everything before its last record."""
+    at = len(MAGIC)
+    while True:
+        try:
+            opcode, length = record_at(file, at)
+        except CutError:
+            return 0
+        if opcode == Opcode.DATA_END:
+            break
+        at += HEAD + length
+    return checksum(file, 0, at)
 
 
 def schema(content: Raw) -> Schema:

@@ -27,10 +27,11 @@ from gapeval.logs.read.mcap_records import (
     Index,
     RecordError,
     chunk_at,
+    data_checksum,
     message_index_at,
     record_at,
 )
-from gapeval.logs.read.raw_file import PIECE, CutError, RawFile, checksum
+from gapeval.logs.read.raw_file import PIECE, CutError, RawFile
 
 # What may be a chunk, or a message outside of one; each is then looked at.
 _CHUNK = re.compile(rb"\x06.{6}\x00\x00.{28}(?:\x00{4}|\x03\x00\x00\x00lz4|\x04\x00\x00\x00zstd)", re.DOTALL)
@@ -63,7 +64,7 @@ def walked(file: RawFile, losses: Losses) -> Index:
     _tell_gap(walk, None)
     if not (walk.closed or walk.cut):
         losses.add(Loss(file.path.name, CUT, 0, None, walk.last, None))
-    if walk.checksum and walk.unchecked and walk.checksum != _data_checksum(file):
+    if walk.checksum and walk.unchecked and walk.checksum != data_checksum(file):
         walk.index.notices += (_UNTOLD,)
     return walk.index
 
@@ -290,17 +291,3 @@ def _is_message(walk: _Walk, at: int) -> bool:
         return False
     first, last = walk.first or time, walk.last or time
     return channel in walk.index.channels and first - _DAY <= time <= last + _DAY
-
-
-def _data_checksum(file: RawFile) -> int:
-    """CRC-32 of the data section: everything before its last record."""
-    at = len(MAGIC)
-    while True:
-        try:
-            opcode, length = record_at(file, at)
-        except CutError:
-            return 0
-        if opcode == Opcode.DATA_END:
-            break
-        at += HEAD + length
-    return checksum(file, 0, at)
