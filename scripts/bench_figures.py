@@ -18,6 +18,7 @@ PARTS = {
     "h": "memory of the largest process of a sweep",
     "i": "for scale: Patchwork++",
     "j": "comparing large results, all of whose rows have changed",
+    "k": "raw messages of healthy logs, against rosbags alone",
 }
 COMPARISONS = {"<=": operator.le, "<": operator.lt, ">=": operator.ge}
 

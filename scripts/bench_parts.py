@@ -17,6 +17,7 @@ from bench_compare import drawn, write_results
 from bench_figures import Figure, Finding, Skipped, figure
 from bench_logs import CONTAINERS, GRID, ONE, Grid, Kind, Log, cut, simulated_log, stacked
 from bench_process import Took, gapeval_took
+from bench_reading import compared, written
 from numpy.typing import NDArray
 
 import gapeval
@@ -585,6 +586,25 @@ def comparing(bench: Bench) -> Iterator[Finding]:
         yield figure("j", "", f"{what}: memory", "MB", [one.peak / 1e6 for one in spent])
 
 
+# (k) Raw messages
+
+
+def raw_reading(bench: Bench) -> Iterator[Finding]:
+    log = bench.simulated
+    if not {"ros1", "mcap"} <= set(log.files):
+        yield Skipped("k", "the simulated log is not there as a ROS 1 bag and as MCAP")
+        return
+    folder = bench.folder / "raw"
+    files = written(folder, log.files["ros1"], log.files["mcap"], 4 * bench.effort.rounds)
+    for kind, ours, theirs in compared(files, log.recording.cloud_topic, 1 + 3 * bench.effort.rounds):
+        size = files[kind].stat().st_size / 1e6
+        head = partial(figure, "k", log.name)
+        yield head(f"{kind}: gapeval", "ms", ours, note=f"{size:.0f} MB")
+        yield head(f"{kind}: rosbags", "ms", theirs)
+        ratios = [one / other for one, other in zip(ours, theirs, strict=True)]
+        yield head(f"{kind}: gapeval / rosbags", "", ratios, ("<=", 1.0))
+
+
 PART: dict[str, Callable[[Bench], Iterator[Finding]]] = {
     "a": one_configuration,
     "b": whole_grid,
@@ -596,4 +616,5 @@ PART: dict[str, Callable[[Bench], Iterator[Finding]]] = {
     "h": memory,
     "i": patchwork,
     "j": comparing,
+    "k": raw_reading,
 }

@@ -26,7 +26,7 @@ EFFORT = replace(
     large=GRID,
     compared=(20, 10),
 )
-IN_PROCESS = ["a", "b", "c", "d", "g", "i", "j"]
+IN_PROCESS = ["a", "b", "c", "d", "g", "i", "j", "k"]
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +53,7 @@ def test_every_part_is_there_on_every_log(found) -> None:
     skipped = {one["part"] for one in found["skipped"]}
     measured = {(one["part"], one["log"]) for one in found["figures"]}
     for part in set(IN_PROCESS) - skipped:
-        for log in {"g": ("simulated",), "j": ("",)}.get(part, ("simulated", "dense")):
+        for log in {"g": ("simulated",), "j": ("",), "k": ("simulated",)}.get(part, ("simulated", "dense")):
             assert (part, log) in measured
     assert set(found["header"]["logs"]) == {"simulated", "dense"}
     assert "GAPEVAL_DATA is not set" in found["header"]["real"]

@@ -124,6 +124,11 @@ def read_chunk(file: RawFile, chunk: Chunk, wanted: Collection[int], low: int, h
     """The messages in a chunk, and what of it was lost. Raises MisplacedError where no such chunk is."""
     try:
         record, codec, size = chunk_at(file, chunk.offset)
+        if codec == "none":
+            # What nobody asked for is not read.
+            found, at = _plain_messages(file, record, wanted, wanted, low, high)
+            if at == record.stop:
+                return found, []
         content = chunk_content(file, record, codec, size)
     except LostError as error:
         count = None if chunk.counts is None else sum(chunk.counts.values())
@@ -154,17 +159,17 @@ def read_heads(
     except CutError:
         codec = ""
     if codec == "none":
-        found, at = _heads(file, record, wanted, whole, low, high)
+        found, at = _plain_messages(file, record, wanted, whole, low, high)
         if at == record.stop:
             return found, []
     # Whatever is wrong with it shows again, and is told, when it is read whole.
     return read_chunk(file, chunk, wanted, low, high)
 
 
-def _heads(
+def _plain_messages(
     file: RawFile, record: Record, wanted: Collection[int], whole: Collection[int], low: int, high: int
 ) -> tuple[list[Found], int]:
-    """Heads out of a plain chunk, and where in the file it stops making sense."""
+    """Messages of a plain chunk, heads of those not in `whole`, and where in the file it makes no sense."""
     found: list[Found] = []
     window, at, from_bytes = Window(file, record.stop), record.data, int.from_bytes
     while at + 8 <= record.stop:
