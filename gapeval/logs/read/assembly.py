@@ -15,10 +15,10 @@ from gapeval.logs.read.attitude import quality, up
 from gapeval.logs.read.container import Loss, naming
 from gapeval.logs.read.gathering import by_pass, gathered, one_by_one, thinned
 from gapeval.logs.read.matching import Frames, Refusals, check_matched, match, used_stamps
+from gapeval.logs.read.messages.pose_file import CALIBRATION, read_pose_file
 from gapeval.logs.read.passes import rotation
 from gapeval.logs.read.playback import measure_lowest_elevation
 from gapeval.logs.read.pose_error import error_of, errors_asked
-from gapeval.logs.read.pose_file import CALIBRATION, read_pose_file
 from gapeval.logs.read.preparation import Surveyed, survey_log
 from gapeval.logs.read.recording import Recording, Scans, Sources
 from gapeval.logs.read.samples import pose_edge, pose_topics

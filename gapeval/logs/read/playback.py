@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from gapeval.errors import LogError
 from gapeval.frame import Frame, Transform, Viewpoint, sensor_angles
-from gapeval.logs.read.cloud import EMPTY, NO_POINT, Points, UnreadableCloudError, transformed
 from gapeval.logs.read.container import Container, Raw, Topic
-from gapeval.logs.read.content import cloud, laser_scan, timed_cloud
+from gapeval.logs.read.containers.opening import open_container
 from gapeval.logs.read.gathering import one_by_one
 from gapeval.logs.read.laser import echoes
-from gapeval.logs.read.message import UndecodableError
+from gapeval.logs.read.messages.cloud import EMPTY, NO_POINT, Points, UnreadableCloudError, transformed
+from gapeval.logs.read.messages.content import cloud, laser_scan, timed_cloud
+from gapeval.logs.read.messages.message import UndecodableError
 from gapeval.logs.read.motion import covers, moved
-from gapeval.logs.read.opening import open_container
 from gapeval.logs.read.quality import quality_at
 from gapeval.logs.read.recording import Recording, RefusedScan, Scans, Sources
 from gapeval.logs.read.survey import UNDECODABLE, ranked

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from mcap.opcode import Opcode
 from mcap.records import Statistics
 
-from gapeval.logs.read import mcap_records
-from gapeval.logs.read.blocks import LAST_TIME
-from gapeval.logs.read.losses import Losses
-from gapeval.logs.read.mcap_records import (
+from gapeval.logs.read.containers import mcap_records
+from gapeval.logs.read.containers.blocks import LAST_TIME
+from gapeval.logs.read.containers.losses import Losses
+from gapeval.logs.read.containers.mcap_records import (
     FOOTER,
     HEAD,
     MAGIC,
@@ -19,8 +19,8 @@ from gapeval.logs.read.mcap_records import (
     chunk_at,
     record_at,
 )
-from gapeval.logs.read.mcap_salvage import walked
-from gapeval.logs.read.raw_file import CutError, RawFile
+from gapeval.logs.read.containers.mcap_salvage import walked
+from gapeval.logs.read.containers.raw_file import CutError, RawFile
 
 DAMAGED_SUMMARY = "the summary is damaged (CRC), so the file was read from end to end"
 CONTRADICTED = "the index is not of this file, so it was read from end to end"

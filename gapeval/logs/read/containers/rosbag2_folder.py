@@ -10,7 +10,6 @@ from typing import Any
 import yaml
 
 from gapeval.errors import LogError
-from gapeval.logs.read import compression, mcap_records, sqlite_file
 from gapeval.logs.read.container import (
     Container,
     Loss,
@@ -23,7 +22,8 @@ from gapeval.logs.read.container import (
     printable,
     ros2_type,
 )
-from gapeval.logs.read.losses import MISSING_PART, UNREADABLE_PART, Losses
+from gapeval.logs.read.containers import compression, mcap_records, sqlite_file
+from gapeval.logs.read.containers.losses import MISSING_PART, UNREADABLE_PART, Losses
 
 METADATA = "metadata.yaml"
 KIND = "rosbag2"

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.frame import FloatArray, Transform
-from gapeval.logs.read.cloud import Points
+from gapeval.logs.read.messages.cloud import Points
 
 
 @dataclass(frozen=True, slots=True)

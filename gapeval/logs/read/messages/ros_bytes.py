@@ -8,7 +8,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from gapeval.logs.read.container import Raw
-from gapeval.logs.read.measurement import Head, StampedTransform
+from gapeval.logs.read.messages.measurement import Head, StampedTransform
 
 SMALLEST = 72  # bytes of a TransformStamped whose names are empty, at least
 

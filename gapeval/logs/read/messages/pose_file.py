@@ -8,8 +8,8 @@ import numpy as np
 
 from gapeval.errors import LogError
 from gapeval.frame import FloatArray
-from gapeval.logs.read.cloud import FARTHEST
-from gapeval.logs.read.measurement import StampedPose
+from gapeval.logs.read.messages.cloud import FARTHEST
+from gapeval.logs.read.messages.measurement import StampedPose
 
 PARENT = "map"
 CALIBRATION = "calib.txt"  # of KITTI, beside the poses

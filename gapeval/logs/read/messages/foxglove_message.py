@@ -10,7 +10,7 @@ from typing import Any
 
 from gapeval.errors import LogError
 from gapeval.logs.read.container import Raw, Topic
-from gapeval.logs.read.message import SERIALIZATIONS, UndecodableError, decode
+from gapeval.logs.read.messages.message import SERIALIZATIONS, UndecodableError, decode
 
 CLOUD, SCAN, POSE = "PointCloud", "LaserScan", "PoseInFrame"
 TRANSFORM, TRANSFORMS = "FrameTransform", "FrameTransforms"

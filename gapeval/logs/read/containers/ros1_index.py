@@ -1,11 +1,11 @@
 """Where everything is in a ROS 1 bag: from its index where that is whole, else by a walk through it."""
 
 from gapeval.errors import LogError
-from gapeval.logs.read.blocks import LAST_TIME
-from gapeval.logs.read.losses import Losses
-from gapeval.logs.read.raw_file import CutError, RawFile
-from gapeval.logs.read.ros1_chunk import chunk_at
-from gapeval.logs.read.ros1_records import (
+from gapeval.logs.read.containers.blocks import LAST_TIME
+from gapeval.logs.read.containers.losses import Losses
+from gapeval.logs.read.containers.raw_file import CutError, RawFile
+from gapeval.logs.read.containers.ros1_chunk import chunk_at
+from gapeval.logs.read.containers.ros1_records import (
     FIRST,
     Index,
     Op,
@@ -16,7 +16,7 @@ from gapeval.logs.read.ros1_records import (
     number,
     record_at,
 )
-from gapeval.logs.read.ros1_salvage import walked
+from gapeval.logs.read.containers.ros1_salvage import walked
 
 DAMAGED_INDEX = "the index is damaged or missing, so the file was read from end to end"
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from gapeval.logs.read.cloud import LIES, PackedCloud, PackedField, UnreadableCloudError
 from gapeval.logs.read.container import Raw, Topic
-from gapeval.logs.read.file_message import PCD, PLY, body
-from gapeval.logs.read.measurement import Head
-from gapeval.logs.read.pcd import pcd_cloud
-from gapeval.logs.read.ply import ply_cloud
+from gapeval.logs.read.messages.cloud import LIES, PackedCloud, PackedField, UnreadableCloudError
+from gapeval.logs.read.messages.file_message import PCD, PLY, body
+from gapeval.logs.read.messages.measurement import Head
+from gapeval.logs.read.messages.pcd import pcd_cloud
+from gapeval.logs.read.messages.ply import ply_cloud
 
 KITTI_FIELDS = tuple(PackedField(name, 4 * i, 7) for i, name in enumerate(("x", "y", "z", "intensity")))
 KITTI_STEP = 16  # bytes

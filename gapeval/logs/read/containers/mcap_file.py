@@ -9,15 +9,15 @@ from typing import Literal
 from mcap.records import Channel, Schema
 
 from gapeval.errors import LogError
-from gapeval.logs.read.blocks import BlockLog, undescribed
-from gapeval.logs.read.compression import decompressed
 from gapeval.logs.read.container import Container, Topic, library_errors, merged_topics, printable, ros2_type
-from gapeval.logs.read.losses import Losses
-from gapeval.logs.read.mcap_chunk import read_block, read_heads
-from gapeval.logs.read.mcap_index import read_index
-from gapeval.logs.read.mcap_records import Block, Index, RecordError, chunk_at
-from gapeval.logs.read.mcap_salvage import walked
-from gapeval.logs.read.raw_file import CutError, RawFile, raw_file
+from gapeval.logs.read.containers.blocks import BlockLog, undescribed
+from gapeval.logs.read.containers.compression import decompressed
+from gapeval.logs.read.containers.losses import Losses
+from gapeval.logs.read.containers.mcap_chunk import read_block, read_heads
+from gapeval.logs.read.containers.mcap_index import read_index
+from gapeval.logs.read.containers.mcap_records import Block, Index, RecordError, chunk_at
+from gapeval.logs.read.containers.mcap_salvage import walked
+from gapeval.logs.read.containers.raw_file import CutError, RawFile, raw_file
 
 KIND = "MCAP"
 ADVICE = "record it again"

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from gapeval.errors import LogError
-from gapeval.logs.read.ahead import ahead, in_turn
-from gapeval.logs.read.compression import BombError, DamagedError
 from gapeval.logs.read.container import Loss, Message, Raw, Topic, library_errors
-from gapeval.logs.read.losses import BAD_MESSAGE, BOMB, INDEX_LIES, UNDESCRIBED, Losses
-from gapeval.logs.read.raw_file import RawFile
+from gapeval.logs.read.containers.ahead import ahead, in_turn
+from gapeval.logs.read.containers.compression import BombError, DamagedError
+from gapeval.logs.read.containers.losses import BAD_MESSAGE, BOMB, INDEX_LIES, UNDESCRIBED, Losses
+from gapeval.logs.read.containers.raw_file import RawFile
 
 LAST_TIME = (1 << 63) - 1  # bag times are int64
 

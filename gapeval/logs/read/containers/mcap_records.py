@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
 from gapeval.logs.read.container import Raw
-from gapeval.logs.read.raw_file import CutError, RawFile
+from gapeval.logs.read.containers.raw_file import CutError, RawFile
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = 9  # opcode and length of a record

@@ -2,12 +2,18 @@
 
 from collections.abc import Collection, Iterator
 
-from gapeval.logs.read.blocks import Found, MisplacedError, Read
-from gapeval.logs.read.compression import BombError, DamagedError, decompressed_chunk
 from gapeval.logs.read.container import HEAD, Loss, Raw
-from gapeval.logs.read.losses import BAD_CHUNK, BAD_CHUNK_RECORDS, BOMB, UNKNOWN_COMPRESSION, LostError
-from gapeval.logs.read.raw_file import CutError, RawFile, Window
-from gapeval.logs.read.ros1_records import (
+from gapeval.logs.read.containers.blocks import Found, MisplacedError, Read
+from gapeval.logs.read.containers.compression import BombError, DamagedError, decompressed_chunk
+from gapeval.logs.read.containers.losses import (
+    BAD_CHUNK,
+    BAD_CHUNK_RECORDS,
+    BOMB,
+    UNKNOWN_COMPRESSION,
+    LostError,
+)
+from gapeval.logs.read.containers.raw_file import CutError, RawFile, Window
+from gapeval.logs.read.containers.ros1_records import (
     LONGEST_HEADER,
     Chunk,
     Op,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from gapeval.logs.read.container import Raw
-from gapeval.logs.read.raw_file import CutError, RawFile
+from gapeval.logs.read.containers.raw_file import CutError, RawFile
 
 MAGIC = b"#ROSBAG V"
 FIRST = b"#ROSBAG V2.0\n"

@@ -6,9 +6,9 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.logs.read.cloud import LIES, PackedCloud, PackedField, UnreadableCloudError
-from gapeval.logs.read.measurement import Head
-from gapeval.logs.read.message import UndecodableError
+from gapeval.logs.read.messages.cloud import LIES, PackedCloud, PackedField, UnreadableCloudError
+from gapeval.logs.read.messages.measurement import Head
+from gapeval.logs.read.messages.message import UndecodableError
 
 LONGEST_HEADER = 65_536  # bytes
 # name of a type -> (its number in sensor_msgs/PointField, bytes)

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from gapeval.frame import FloatArray
-from gapeval.logs.read.cloud import PackedCloud, PackedField
 from gapeval.logs.read.container import Raw, Topic
-from gapeval.logs.read.measurement import Head, LaserScan, Orientation, StampedPose, StampedTransform
-from gapeval.logs.read.message import (
+from gapeval.logs.read.messages.cloud import PackedCloud, PackedField
+from gapeval.logs.read.messages.measurement import Head, LaserScan, Orientation, StampedPose, StampedTransform
+from gapeval.logs.read.messages.message import (
     MULTI_ECHO,
     UndecodableError,
     begins_with_header,
@@ -18,7 +18,7 @@ from gapeval.logs.read.message import (
     is_stock,
     stamp_of,
 )
-from gapeval.logs.read.ros_bytes import NotSuchBytesError, read_head, read_transforms
+from gapeval.logs.read.messages.ros_bytes import NotSuchBytesError, read_head, read_transforms
 
 # What is no dataclass of the expected fields, or holds numbers of another kind than expected.
 MISFITS = (AttributeError, TypeError, ValueError, OverflowError)

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.frame import Transform
-from gapeval.logs.read.cloud import FARTHEST, LIES, PackedCloud, PackedField, UnreadableCloudError
-from gapeval.logs.read.lzf import lzf_decompressed
-from gapeval.logs.read.measurement import Head
-from gapeval.logs.read.message import UndecodableError
+from gapeval.logs.read.messages.cloud import FARTHEST, LIES, PackedCloud, PackedField, UnreadableCloudError
+from gapeval.logs.read.messages.lzf import lzf_decompressed
+from gapeval.logs.read.messages.measurement import Head
+from gapeval.logs.read.messages.message import UndecodableError
 
 LONGEST_HEADER = 65_536  # bytes
 DATATYPES = {

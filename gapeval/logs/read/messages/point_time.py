@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.logs.read.cloud import (
+from gapeval.logs.read.messages.cloud import (
     DATATYPES,
     NO_TIME,
     PackedCloud,
@@ -15,7 +15,7 @@ from gapeval.logs.read.cloud import (
     column,
     kept_points,
 )
-from gapeval.logs.read.measurement import TimedPoints
+from gapeval.logs.read.messages.measurement import TimedPoints
 
 NAMES = frozenset(
     {"t", "time", "timestamp", "time_stamp", "timestamps", "offset_time", "time_offset", "timeoffset", "ts"}

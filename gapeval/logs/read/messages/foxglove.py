@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from gapeval.frame import FloatArray, Transform
-from gapeval.logs.read.cloud import FARTHEST, LIES, PackedCloud, PackedField, UnreadableCloudError
 from gapeval.logs.read.container import Raw, Topic
-from gapeval.logs.read.foxglove_message import (
+from gapeval.logs.read.messages.cloud import FARTHEST, LIES, PackedCloud, PackedField, UnreadableCloudError
+from gapeval.logs.read.messages.foxglove_message import (
     TRANSFORMS,
     data_bytes,
     decode_foxglove,
     foxglove_type,
 )
-from gapeval.logs.read.measurement import Head, LaserScan, StampedPose, StampedTransform
-from gapeval.logs.read.message import UndecodableError, frame_of
+from gapeval.logs.read.messages.measurement import Head, LaserScan, StampedPose, StampedTransform
+from gapeval.logs.read.messages.message import UndecodableError, frame_of
 
 # Foxglove's number of a type, or its name -> the number that ROS has for it
 DATATYPES = {1: 2, 2: 1, 3: 4, 4: 3, 5: 6, 6: 5, 7: 7, 8: 8}

@@ -5,11 +5,11 @@ from collections.abc import Collection, Iterator
 
 from mcap.opcode import Opcode
 
-from gapeval.logs.read.blocks import Found, MisplacedError, Read
-from gapeval.logs.read.compression import MAGIC as ZSTD
-from gapeval.logs.read.compression import BombError, DamagedError, decompressed_chunk
 from gapeval.logs.read.container import HEAD, Loss, Raw
-from gapeval.logs.read.losses import (
+from gapeval.logs.read.containers.blocks import Found, MisplacedError, Read
+from gapeval.logs.read.containers.compression import MAGIC as ZSTD
+from gapeval.logs.read.containers.compression import BombError, DamagedError, decompressed_chunk
+from gapeval.logs.read.containers.losses import (
     BAD_CHECKSUM,
     BAD_CHUNK,
     BAD_CHUNK_RECORDS,
@@ -18,7 +18,7 @@ from gapeval.logs.read.losses import (
     UNKNOWN_COMPRESSION,
     LostError,
 )
-from gapeval.logs.read.mcap_records import (
+from gapeval.logs.read.containers.mcap_records import (
     CODECS,
     RECORD_AND_MESSAGE_HEAD,
     RECORD_HEAD,
@@ -27,8 +27,8 @@ from gapeval.logs.read.mcap_records import (
     RecordError,
     chunk_at,
 )
-from gapeval.logs.read.mcap_records import HEAD as RECORD
-from gapeval.logs.read.raw_file import CutError, RawFile, Window
+from gapeval.logs.read.containers.mcap_records import HEAD as RECORD
+from gapeval.logs.read.containers.raw_file import CutError, RawFile, Window
 
 BEFORE_DATA = RECORD_AND_MESSAGE_HEAD.size
 

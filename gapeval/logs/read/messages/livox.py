@@ -4,10 +4,10 @@ from struct import Struct
 
 import numpy as np
 
-from gapeval.logs.read.cloud import PackedCloud, PackedField
 from gapeval.logs.read.container import Raw, Topic
-from gapeval.logs.read.message import UndecodableError, begins_with_header, is_stock
-from gapeval.logs.read.ros_bytes import NotSuchBytesError, header_at
+from gapeval.logs.read.messages.cloud import PackedCloud, PackedField
+from gapeval.logs.read.messages.message import UndecodableError, begins_with_header, is_stock
+from gapeval.logs.read.messages.ros_bytes import NotSuchBytesError, header_at
 
 POINT = 19  # bytes: uint32 offset_time, float32 x, y, z, uint8 reflectivity, tag, line
 CDR_POINT = 20  # in an array; the last one is not padded

@@ -3,8 +3,8 @@
 from struct import Struct
 
 from gapeval.logs.read.container import Raw
-from gapeval.logs.read.measurement import Head, StampedPose
-from gapeval.logs.read.message import UndecodableError
+from gapeval.logs.read.messages.measurement import Head, StampedPose
+from gapeval.logs.read.messages.message import UndecodableError
 
 PCD, PLY, KITTI, POSES = "pcd", "ply", "kitti", "poses"
 CLOUDS = (PCD, PLY, KITTI)

@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 from mcap.opcode import Opcode
 
-from gapeval.logs.read import mcap_records
-from gapeval.logs.read.blocks import LAST_TIME
 from gapeval.logs.read.container import Loss, Raw
-from gapeval.logs.read.losses import CUT, UNREADABLE_RECORDS, Losses, LostError
-from gapeval.logs.read.mcap_chunk import chunk_content, records
-from gapeval.logs.read.mcap_records import (
+from gapeval.logs.read.containers import mcap_records
+from gapeval.logs.read.containers.blocks import LAST_TIME
+from gapeval.logs.read.containers.losses import CUT, UNREADABLE_RECORDS, Losses, LostError
+from gapeval.logs.read.containers.mcap_chunk import chunk_content, records
+from gapeval.logs.read.containers.mcap_records import (
     FOOTER,
     HEAD,
     LAST_OPCODE,
@@ -31,7 +31,7 @@ from gapeval.logs.read.mcap_records import (
     message_index_at,
     record_at,
 )
-from gapeval.logs.read.raw_file import PIECE, CutError, RawFile
+from gapeval.logs.read.containers.raw_file import PIECE, CutError, RawFile
 
 # What may be a chunk, or a message outside of one; each is then looked at.
 _CHUNK = re.compile(rb"\x06.{6}\x00\x00.{28}(?:\x00{4}|\x03\x00\x00\x00lz4|\x04\x00\x00\x00zstd)", re.DOTALL)

@@ -5,16 +5,16 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 from gapeval.errors import LogError
-from gapeval.logs.read import compression, mcap_index, ros1_index, ros1_records, sqlite_file
-from gapeval.logs.read.cloud_folder import is_cloud_folder, open_cloud_folder
 from gapeval.logs.read.container import Container, Loss, library_errors
-from gapeval.logs.read.losses import CUT_COMPRESSED
-from gapeval.logs.read.mcap_file import open_mcap_file
-from gapeval.logs.read.mcap_records import MAGIC as MCAP
-from gapeval.logs.read.raw_file import raw_file
-from gapeval.logs.read.ros1_bag import open_ros1_bag
-from gapeval.logs.read.rosbag2_folder import METADATA, open_rosbag2_folder
-from gapeval.logs.read.sqlite_file import open_sqlite_file
+from gapeval.logs.read.containers import compression, mcap_index, ros1_index, ros1_records, sqlite_file
+from gapeval.logs.read.containers.cloud_folder import is_cloud_folder, open_cloud_folder
+from gapeval.logs.read.containers.losses import CUT_COMPRESSED
+from gapeval.logs.read.containers.mcap_file import open_mcap_file
+from gapeval.logs.read.containers.mcap_records import MAGIC as MCAP
+from gapeval.logs.read.containers.raw_file import raw_file
+from gapeval.logs.read.containers.ros1_bag import open_ros1_bag
+from gapeval.logs.read.containers.rosbag2_folder import METADATA, open_rosbag2_folder
+from gapeval.logs.read.containers.sqlite_file import open_sqlite_file
 
 MAGIC_LENGTH = 16
 KNOWN = "a ROS 1 bag, a rosbag2 folder, a .db3, an MCAP file or a folder of clouds"

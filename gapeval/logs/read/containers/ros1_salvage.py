@@ -6,11 +6,11 @@ goes on at the next chunk.
 
 from dataclasses import dataclass
 
-from gapeval.logs.read.blocks import LAST_TIME
 from gapeval.logs.read.container import Loss, Raw
-from gapeval.logs.read.losses import CUT, UNREADABLE_RECORDS, Losses, LostError
-from gapeval.logs.read.raw_file import PIECE, CutError, RawFile
-from gapeval.logs.read.ros1_chunk import (
+from gapeval.logs.read.containers.blocks import LAST_TIME
+from gapeval.logs.read.containers.losses import CUT, UNREADABLE_RECORDS, Losses, LostError
+from gapeval.logs.read.containers.raw_file import PIECE, CutError, RawFile
+from gapeval.logs.read.containers.ros1_chunk import (
     chunk_at,
     chunk_content,
     cut_content,
@@ -18,7 +18,7 @@ from gapeval.logs.read.ros1_chunk import (
     message_head_of,
     records,
 )
-from gapeval.logs.read.ros1_records import (
+from gapeval.logs.read.containers.ros1_records import (
     FIRST,
     Chunk,
     Index,

@@ -8,10 +8,10 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from gapeval.logs.read.blocks import LAST_TIME
 from gapeval.logs.read.container import Loss, Raw
-from gapeval.logs.read.losses import BROKEN_CHAIN, CUT_DATABASE, MISSING_ROWS, Losses
-from gapeval.logs.read.raw_file import CutError, RawFile
+from gapeval.logs.read.containers.blocks import LAST_TIME
+from gapeval.logs.read.containers.losses import BROKEN_CHAIN, CUT_DATABASE, MISSING_ROWS, Losses
+from gapeval.logs.read.containers.raw_file import CutError, RawFile
 
 LEAF = 0x0D
 HEADER = 100  # bytes before the first page's own header

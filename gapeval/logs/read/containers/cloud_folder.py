@@ -9,11 +9,11 @@ from pathlib import Path
 
 from gapeval.errors import LogError
 from gapeval.logs.read.container import HEAD, Container, Message, Source, Topic, in_time_order, library_errors
-from gapeval.logs.read.file_message import KITTI, PCD, PLY, POSES, pose_message, with_head
-from gapeval.logs.read.measurement import StampedPose
-from gapeval.logs.read.message import UndecodableError
-from gapeval.logs.read.pcd import LONGEST_HEADER, pcd_header, viewpoint_pose
-from gapeval.logs.read.pose_file import CALIBRATION, is_tum, read_pose_file, read_times
+from gapeval.logs.read.messages.file_message import KITTI, PCD, PLY, POSES, pose_message, with_head
+from gapeval.logs.read.messages.measurement import StampedPose
+from gapeval.logs.read.messages.message import UndecodableError
+from gapeval.logs.read.messages.pcd import LONGEST_HEADER, pcd_header, viewpoint_pose
+from gapeval.logs.read.messages.pose_file import CALIBRATION, is_tum, read_pose_file, read_times
 
 SERIALIZATIONS = {".pcd": PCD, ".ply": PLY, ".bin": KITTI}
 CLOUD_TOPIC, POSE_TOPIC = "/points", "/poses"

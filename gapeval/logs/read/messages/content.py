@@ -10,12 +10,19 @@ from typing import Literal
 import numpy as np
 
 from gapeval.frame import Transform
-from gapeval.logs.read import cloud_file, file_message, foxglove, ros_message
-from gapeval.logs.read.cloud import PackedCloud, Points, UnreadableCloudError, cloud_points
 from gapeval.logs.read.container import Raw, Topic
-from gapeval.logs.read.foxglove_message import CLOUD, POSE, SCAN, TRANSFORM, TRANSFORMS, foxglove_type
-from gapeval.logs.read.livox import livox_cloud
-from gapeval.logs.read.measurement import (
+from gapeval.logs.read.messages import cloud_file, file_message, foxglove, ros_message
+from gapeval.logs.read.messages.cloud import PackedCloud, Points, UnreadableCloudError, cloud_points
+from gapeval.logs.read.messages.foxglove_message import (
+    CLOUD,
+    POSE,
+    SCAN,
+    TRANSFORM,
+    TRANSFORMS,
+    foxglove_type,
+)
+from gapeval.logs.read.messages.livox import livox_cloud
+from gapeval.logs.read.messages.measurement import (
     Head,
     LaserScan,
     Orientation,
@@ -23,7 +30,7 @@ from gapeval.logs.read.measurement import (
     StampedTransform,
     TimedPoints,
 )
-from gapeval.logs.read.message import (
+from gapeval.logs.read.messages.message import (
     IMU,
     LASER_SCAN,
     LIVOX,
@@ -35,7 +42,7 @@ from gapeval.logs.read.message import (
     begins_with_header,
     is_decodable,
 )
-from gapeval.logs.read.point_time import TimeField, timed_points
+from gapeval.logs.read.messages.point_time import TimeField, timed_points
 
 __all__ = [
     "Head",

@@ -11,9 +11,6 @@ from typing import Literal
 from urllib.parse import quote
 
 from gapeval.errors import LogError
-from gapeval.logs.read.blocks import LAST_TIME
-from gapeval.logs.read.compression import MAGIC as ZSTD
-from gapeval.logs.read.compression import BombError, DamagedError, decompressed
 from gapeval.logs.read.container import (
     HEAD,
     Container,
@@ -25,9 +22,20 @@ from gapeval.logs.read.container import (
     merged_topics,
     printable,
 )
-from gapeval.logs.read.losses import BAD_MESSAGE, BOMB, INDEX_LIES, ODD_ROW, UNDESCRIBED, WAL_LEFT, Losses
-from gapeval.logs.read.raw_file import raw_file
-from gapeval.logs.read.sqlite_salvage import Described, Salvaged, is_cut, read_payload, salvaged
+from gapeval.logs.read.containers.blocks import LAST_TIME
+from gapeval.logs.read.containers.compression import MAGIC as ZSTD
+from gapeval.logs.read.containers.compression import BombError, DamagedError, decompressed
+from gapeval.logs.read.containers.losses import (
+    BAD_MESSAGE,
+    BOMB,
+    INDEX_LIES,
+    ODD_ROW,
+    UNDESCRIBED,
+    WAL_LEFT,
+    Losses,
+)
+from gapeval.logs.read.containers.raw_file import raw_file
+from gapeval.logs.read.containers.sqlite_salvage import Described, Salvaged, is_cut, read_payload, salvaged
 
 KIND = "rosbag2 sqlite3"
 MAGIC = b"SQLite format 3\0"

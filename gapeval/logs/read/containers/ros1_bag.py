@@ -6,14 +6,14 @@ from functools import partial
 from pathlib import Path
 
 from gapeval.errors import LogError
-from gapeval.logs.read.blocks import BlockLog, undescribed
 from gapeval.logs.read.container import Container, Topic, library_errors, merged_topics, printable, ros2_type
-from gapeval.logs.read.losses import Losses
-from gapeval.logs.read.raw_file import CutError, RawFile, raw_file
-from gapeval.logs.read.ros1_chunk import chunk_at, read_chunk, read_heads
-from gapeval.logs.read.ros1_index import read_index
-from gapeval.logs.read.ros1_records import FIRST, MAGIC, Chunk, Connection, Index, RecordError
-from gapeval.logs.read.ros1_salvage import walked
+from gapeval.logs.read.containers.blocks import BlockLog, undescribed
+from gapeval.logs.read.containers.losses import Losses
+from gapeval.logs.read.containers.raw_file import CutError, RawFile, raw_file
+from gapeval.logs.read.containers.ros1_chunk import chunk_at, read_chunk, read_heads
+from gapeval.logs.read.containers.ros1_index import read_index
+from gapeval.logs.read.containers.ros1_records import FIRST, MAGIC, Chunk, Connection, Index, RecordError
+from gapeval.logs.read.containers.ros1_salvage import walked
 
 KIND = "ROS 1 bag"
 ADVICE = "record it again"
