@@ -1,6 +1,5 @@
 """Where everything is in an MCAP file: from its summary where that says all, else by a walk through it."""
 
-import zlib
 from collections.abc import Iterator
 
 from mcap.opcode import Opcode
@@ -20,7 +19,7 @@ from gapeval.logs.read.containers.mcap_records import (
     record_at,
 )
 from gapeval.logs.read.containers.mcap_salvage import walked
-from gapeval.logs.read.containers.raw_file import CutError, RawFile
+from gapeval.logs.read.containers.raw_file import CutError, RawFile, checksum
 
 DAMAGED_SUMMARY = "the summary is damaged (CRC), so the file was read from end to end"
 CONTRADICTED = "the index is not of this file, so it was read from end to end"
@@ -68,11 +67,11 @@ def _summary(file: RawFile) -> Index | None:
     if opcode != Opcode.FOOTER or length != FOOTER:
         raise RecordError("no footer at its end")
     content = file.read(footer + HEAD, FOOTER)
-    start, checksum = int.from_bytes(content[:8], "little"), int.from_bytes(content[16:], "little")
+    start, expected = int.from_bytes(content[:8], "little"), int.from_bytes(content[16:], "little")
     if start == 0:
         return None
     # From the start of the summary up to the CRC itself, which is the footer's last field.
-    if start > footer or (checksum and _checksum(file, start, file.size - len(MAGIC) - 4) != checksum):
+    if start > footer or (expected and checksum(file, start, file.size - len(MAGIC) - 4) != expected):
         raise _DamagedSummaryError(DAMAGED_SUMMARY)
     index, statistics = Index(), None
     for opcode, content in _records(file, start, footer):
@@ -101,13 +100,6 @@ def _records(file: RawFile, at: int, stop: int) -> Iterator[tuple[int, bytes]]:
             raise RecordError(f"the record at byte {at} reaches into the footer")
         yield opcode, file.read(at + HEAD, length)
         at += HEAD + length
-
-
-def _checksum(file: RawFile, start: int, stop: int) -> int:
-    checksum = 0
-    for piece in file.pieces(start, stop):
-        checksum = zlib.crc32(piece, checksum)
-    return checksum
 
 
 def _is_complete(index: Index, statistics: Statistics) -> bool:

@@ -5,7 +5,6 @@ the walk goes on at the next ones that are.
 """
 
 import re
-import zlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -31,7 +30,7 @@ from gapeval.logs.read.containers.mcap_records import (
     message_index_at,
     record_at,
 )
-from gapeval.logs.read.containers.raw_file import PIECE, CutError, RawFile
+from gapeval.logs.read.containers.raw_file import PIECE, CutError, RawFile, checksum
 
 # What may be a chunk, or a message outside of one; each is then looked at.
 _CHUNK = re.compile(rb"\x06.{6}\x00\x00.{28}(?:\x00{4}|\x03\x00\x00\x00lz4|\x04\x00\x00\x00zstd)", re.DOTALL)
@@ -304,7 +303,4 @@ def _data_checksum(file: RawFile) -> int:
         if opcode == Opcode.DATA_END:
             break
         at += HEAD + length
-    checksum = 0
-    for piece in file.pieces(0, at):
-        checksum = zlib.crc32(piece, checksum)
-    return checksum
+    return checksum(file, 0, at)

@@ -1,6 +1,7 @@
 """The bytes of a file by their place, never more than there are."""
 
 import os
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -50,15 +51,20 @@ class RawFile:
 
 @dataclass(slots=True)
 class Window:
-    """Bytes of a stretch of a file that is looked at here and there, mostly onwards; stop: its end."""
+    """Bytes of a stretch of a file that is looked at here and there, mostly onwards.
+
+    stop: its end; origin: what places are counted from; start, data: what was read last.
+    """
 
     file: RawFile
     stop: int
+    origin: int = 0
     start: int = 0
     data: bytes = b""
 
     def at(self, offset: int, length: int) -> memoryview:
-        """So many bytes at an offset, fewer where the stretch ends."""
+        """So many bytes at a place, fewer where the stretch ends."""
+        offset += self.origin
         length = max(min(length, self.stop - offset), 0)
         if not self.start <= offset <= offset + length <= self.start + len(self.data):
             self.start, self.data = (
@@ -66,6 +72,14 @@ class Window:
                 self.file.upto(offset, min(max(length, GLANCE), self.stop - offset)),
             )
         return memoryview(self.data)[offset - self.start : offset - self.start + length]
+
+
+def checksum(file: RawFile, start: int, stop: int) -> int:
+    """CRC-32 of the bytes [start, stop)."""
+    found = 0
+    for piece in file.pieces(start, stop):
+        found = zlib.crc32(piece, found)
+    return found
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """What is in a chunk of a ROS 1 bag."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 from gapeval.logs.read.container import HEAD, Loss, Raw
 from gapeval.logs.read.containers.blocks import Found, MisplacedError, Read
@@ -23,16 +23,12 @@ from gapeval.logs.read.containers.ros1_records import (
     index_entries,
     number,
     record_at,
-    time,
 )
+from gapeval.logs.read.ros1_message import message_head
 
 CODECS = ("none", "lz4", "bz2")
-# A message's header as roscpp and rosbag write it, and as rosbags does; then its fields are at these places.
-_FIELDS = {
-    (b"\x09\x00\x00\x00conn=", b"\x04\x00\x00\x00op=\x02\x0d\x00\x00\x00time="): (9, 13, 30),
-    (b"\x04\x00\x00\x00op=\x02\x09\x00\x00\x00conn=", b"\x0d\x00\x00\x00time="): (17, 21, 30),
-}
-_USUAL = 38  # bytes of such a header
+
+Place = tuple[int, int, int]  # in the chunk, connection, bag time [ns]
 
 
 def chunk_at(file: RawFile, offset: int) -> tuple[Record, str, int]:
@@ -74,32 +70,6 @@ def records(content: Raw) -> Iterator[tuple[dict[bytes, bytes], int, int]]:
         at = stop
 
 
-def message_head(head: Raw) -> tuple[int, int] | None:
-    """Connection and bag time by the header of a record in a chunk; None where it is not a message's.
-
-    Raises RecordError.
-    """
-    if len(head) == _USUAL:
-        content = bytes(head)
-        for (first, second), (conn, middle, when) in _FIELDS.items():
-            if content.startswith(first) and content[middle:when] == second:
-                seconds = int.from_bytes(content[when : when + 4], "little")
-                nanoseconds = int.from_bytes(content[when + 4 :], "little")
-                owner = int.from_bytes(content[conn : conn + 4], "little")
-                return owner, seconds * 1_000_000_000 + nanoseconds
-    return message_head_of(header_fields(head))
-
-
-def message_head_of(fields: dict[bytes, bytes]) -> tuple[int, int] | None:
-    """The same by the header's fields."""
-    op = number(fields, b"op", 1)
-    if op == Op.CONNECTION:
-        return None
-    if op != Op.MESSAGE:
-        raise RecordError(f"a record of kind {op} in a chunk")
-    return number(fields, b"conn", 4), time(fields, b"time")
-
-
 def messages_in(
     content: Raw, at: int, wanted: Collection[int], low: int, high: int
 ) -> tuple[list[Found], int]:
@@ -130,12 +100,18 @@ def read_chunk(file: RawFile, chunk: Chunk, wanted: Collection[int], low: int, h
     """The messages in a chunk, and what of it was lost. Raises MisplacedError where no such chunk is."""
     try:
         record, codec, size = chunk_at(file, chunk.offset)
-        if codec == "none":
+        places = _located(file, record, chunk, wanted, low, high)
+        if codec == "none" and places is not None:
             # What nobody asked for is not read.
-            found, at = _plain_messages(file, record, wanted, wanted, low, high)
-            if at == record.stop:
-                return found, []
+            window = Window(file, record.stop, record.data)
+            if (picked := _picked(window.at, record.stop - record.data, places, wanted)) is not None:
+                return picked, []
         content = chunk_content(file, record, codec, size)
+        if (
+            places is not None
+            and (picked := _picked(_slices(content), len(content), places, wanted)) is not None
+        ):
+            return picked, []
     except LostError as error:
         count = None if chunk.counts is None else sum(chunk.counts.values())
         return [], [_loss(file, chunk, error.reason, record.stop - record.offset, count)]
@@ -165,11 +141,75 @@ def read_heads(
     except CutError:
         codec = ""
     if codec == "none":
+        places = _located(file, record, chunk, wanted, low, high)
+        window = Window(file, record.stop, record.data)
+        if (
+            places is not None
+            and (picked := _picked(window.at, record.stop - record.data, places, whole)) is not None
+        ):
+            return picked, []
         found, at = _plain_messages(file, record, wanted, whole, low, high)
         if at == record.stop:
             return found, []
     # Whatever is wrong with it shows again, and is told, when it is read whole.
     return read_chunk(file, chunk, wanted, low, high)
+
+
+def _located(
+    file: RawFile, record: Record, chunk: Chunk, wanted: Collection[int], low: int, high: int
+) -> list[Place] | None:
+    """Where the wanted messages are by the chunk's own index; None where that and the bag's do not agree."""
+    if not chunk.is_indexed:
+        return None
+    counts: dict[int, int] = {}
+    places: list[Place] = []
+    at = record.stop
+    try:
+        while len(counts) < len(chunk.counts or ()):
+            index = record_at(file, at)
+            owner = number(index.fields, b"conn", 4)
+            if index.op != Op.INDEX or owner in counts:
+                return None
+            counts[owner] = number(index.fields, b"count", 4)
+            if owner in wanted:
+                found = index_entries(file, index)[1]
+                places += [(place, owner, when) for when, place in found if low <= when < high]
+            at = index.stop
+    except (RecordError, CutError):
+        return None
+    return sorted(places) if counts == chunk.counts else None
+
+
+def _picked(
+    get: Callable[[int, int], memoryview], end: int, places: list[Place], whole: Collection[int]
+) -> list[Found] | None:
+    """The messages at these places, heads of those not in `whole`; None where one of them is another.
+
+    get: (place in the chunk, length) -> bytes, fewer where the chunk ends, which is at `end`.
+    """
+    found: list[Found] = []
+    for at, owner, when in places:
+        size = int.from_bytes(get(at, 4), "little")
+        if size > LONGEST_HEADER:
+            return None
+        head = get(at + 4, size + 4)
+        try:
+            if message_head(head[:size]) != (owner, when):
+                return None
+        except RecordError:
+            return None
+        length, start = int.from_bytes(head[size:], "little"), at + size + 8
+        asked = length if owner in whole else min(length, HEAD)
+        data = get(start, asked)
+        if len(head) != size + 4 or len(data) != asked or start + length > end:
+            return None
+        found.append((when, at, owner, data))
+    return found
+
+
+def _slices(content: Raw) -> Callable[[int, int], memoryview]:
+    view = memoryview(content)
+    return lambda at, length: view[at : at + length]
 
 
 def _plain_messages(

@@ -57,13 +57,14 @@ class Chunk:
     """What is known of a chunk without reading it.
 
     offset: of its record; start, end: bag times [ns]; counts: messages by connection, None where that is not
-    known.
+    known. is_indexed: whether the index of the bag says so.
     """
 
     offset: int
     start: int
     end: int
     counts: dict[int, int] | None
+    is_indexed: bool = False
 
     @property
     def topics(self) -> Collection[int] | None:
@@ -154,7 +155,7 @@ def chunk_info(file: RawFile, record: Record) -> Chunk:
         raise RecordError("a chunk's entry in the index that cannot be read")
     counts = dict(COUNT_ENTRY.iter_unpack(file.read(record.data, count * COUNT_ENTRY.size)))
     offset = number(fields, b"chunk_pos", 8)
-    return Chunk(offset, time(fields, b"start_time"), time(fields, b"end_time"), counts)
+    return Chunk(offset, time(fields, b"start_time"), time(fields, b"end_time"), counts, is_indexed=True)
 
 
 def index_entries(file: RawFile, record: Record) -> tuple[int, list[tuple[int, int]]]:

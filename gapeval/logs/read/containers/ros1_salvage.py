@@ -15,7 +15,6 @@ from gapeval.logs.read.containers.ros1_chunk import (
     chunk_content,
     cut_content,
     indexes_behind,
-    message_head_of,
     records,
 )
 from gapeval.logs.read.containers.ros1_records import (
@@ -28,6 +27,7 @@ from gapeval.logs.read.containers.ros1_records import (
     connection,
     record_at,
 )
+from gapeval.logs.read.ros1_message import message_head_of
 
 _CHUNK = b"\x04\x00\x00\x00op=\x05"
 _FARTHEST = 64  # bytes from the start of a chunk's header to the field that tells it is one
