@@ -1,13 +1,16 @@
 """Folders of PCD, PLY and KITTI files, written by the formats' own libraries, with files of poses."""
 
 import math
+import re
 import shutil
 from decimal import Decimal
+from pathlib import Path
 
 import numpy as np
 import plyfile
 import pypcd4
 import pytest
+import yaml
 from logs_checks import frames_of, line
 from logs_writer import POINTS, START, clouds, driving, lidar, stamps, write_sorted
 
@@ -452,3 +455,16 @@ def test_info_of_a_folder(tmp_path):
     shutil.rmtree(tmp_path / "velodyne")
     (tmp_path / "velodyne").mkdir()
     assert "metadata.yaml" in one_error(tmp_path / "velodyne")
+
+
+def test_the_example_in_the_docs(tmp_path):
+    page = (Path(__file__).parent.parent / "docs" / "logs.md").read_text()
+    section = page.partition("## Folders of clouds")[2]
+    values = yaml.safe_load(section.partition("```yaml")[2].partition("```")[0])
+    names = re.findall(r"drive/([0-9.]+pcd)", section)
+    assert len(names) == 2
+    for name in names:
+        write_xyz(tmp_path / name)
+    tum(tmp_path / "poses.tum", [1_700_000_000_000_000_000 + i * 10**8 for i in range(4)])
+    choice = describe(tmp_path, LogSection(**values["log"])).choice
+    assert (choice.matched, choice.robot_frame, choice.sensor_frame) == (2, "base_link", "lidar")

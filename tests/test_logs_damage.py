@@ -1,9 +1,32 @@
 """Broken logs are read as far as their bytes allow, and what was lost is told, once."""
 
-import pytest
-from damage import BAG_DAMAGES, DB3_DAMAGES, FOLDER_DAMAGES, MCAP_DAMAGES, Damaged, lying_size_bag
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from gapeval.logs.read.container import HEAD
+import pytest
+from backports import zstd
+from damage import (
+    BAG_DAMAGES,
+    DB3_DAMAGES,
+    FOLDER_DAMAGES,
+    MCAP_DAMAGES,
+    Damaged,
+    bad_checksum_mcap,
+    bag,
+    db3,
+    lying_size_bag,
+    mcap,
+    mcap_map,
+    records,
+    sent,
+)
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gapeval.errors import LogError
+from gapeval.logs.read.container import HEAD, Loss
+from gapeval.logs.read.losses import BAD_CHECKSUM
 from gapeval.logs.read.opening import open_container
 
 CASES = [
@@ -41,3 +64,82 @@ def test_all_that_is_left_is_read(tmp_path, damage, codec):
         late = [(t.name, time, bytes(raw)) for t, time, raw in container.messages(names, middle, None)]
         assert late == [one for one in read if one[1] >= middle]
     assert before == {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+
+
+@dataclass(frozen=True, repr=False)
+class Whole:
+    """The bytes of a log, and what is in it."""
+
+    content: bytes
+    items: set
+
+
+@pytest.fixture(scope="module")
+def whole_logs(tmp_path_factory):
+    """By kind."""
+    folder = tmp_path_factory.mktemp("whole")
+    paths = {
+        "bag": bag(folder / "bag"),
+        "bag-lz4": bag(folder / "bag-lz4", "lz4"),
+        "mcap": mcap(folder / "mcap"),
+        "mcap-zstd": mcap(folder / "mcap-zstd", "zstd"),
+        "mcap-unchunked": mcap(folder / "mcap-unchunked", use_chunking=False),
+        "db3": db3(folder / "db3"),
+    }
+    logs = {kind: Whole(path.read_bytes(), set(messages(path))) for kind, path in paths.items()}
+    return logs | {"zstd": Whole(zstd.compress(logs["mcap"].content), logs["mcap"].items)}
+
+
+def messages(path):
+    with open_container(path) as container:
+        names = {topic.name for topic in container.topics}
+        return [(topic.name, time, bytes(raw)) for topic, time, raw in container.messages(names, None, None)]
+
+
+@pytest.mark.parametrize("kind", ["bag", "bag-lz4", "mcap", "mcap-zstd", "mcap-unchunked", "db3", "zstd"])
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(share=st.floats(0, 1))
+def test_wherever_a_file_is_cut_what_is_read_was_in_it(whole_logs, kind, share):
+    content, items = whole_logs[kind].content, whole_logs[kind].items
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "log")
+        path.write_bytes(content[: 20 + int(share * (len(content) - 21))])
+        try:
+            with open_container(path) as container:
+                assert container.losses or container.notices
+            read = messages(path)
+        except LogError:
+            # Nothing was left.
+            read = []
+    assert len(read) == len(set(read))
+    assert set(read) <= items
+    if share > 0.99 and kind in ("bag", "mcap", "mcap-unchunked"):
+        assert read
+
+
+@pytest.mark.parametrize("kind", ["bag", "bag-lz4", "mcap", "mcap-zstd", "mcap-unchunked", "db3", "zstd"])
+def test_a_whole_log_has_no_losses(whole_logs, tmp_path, kind):
+    content, items = whole_logs[kind].content, whole_logs[kind].items
+    path = tmp_path / "log"
+    path.write_bytes(content)
+    with open_container(path) as container:
+        names = {topic.name for topic in container.topics}
+        assert len(list(container.messages(names, None, None))) == len(items)
+        assert (container.losses, container.notices) == ([], ())
+    version = 1 if kind.startswith("bag") else 2
+    assert items == set(sent(records(40 if kind == "db3" else 10), version))
+
+
+def test_a_loss_says_what_where_and_when(tmp_path):
+    case = bad_checksum_mcap(tmp_path, "lz4")
+    whole = mcap_map(mcap(tmp_path / "whole", "lz4"))
+    times = [time for _, time, _ in whole.held[1]]
+    start, stop = whole.chunks[1]
+    with open_container(case.path) as container:
+        list(container.messages({"/points"}, None, None))
+        expected = Loss(case.path.name, BAD_CHECKSUM, stop - start, len(times), min(times), max(times))
+        assert container.losses == [expected]
+        # What lies outside of what is asked for is not looked at, and not told.
+    with open_container(case.path) as container:
+        list(container.messages({"/points"}, max(times) + 1, None))
+        assert container.losses == []

@@ -36,6 +36,7 @@ from gapeval.logs.read.content import (
     timed_cloud,
     transforms,
 )
+from gapeval.logs.read.laser import echoes
 
 ENCODINGS = ("protobuf", "json")
 TURN = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))
@@ -82,8 +83,11 @@ def test_what_is_said_twice_holds_at_its_stamps(tmp_path, encoding):
 
 
 def test_single_transforms_and_poses(tmp_path, encoding):
-    """FrameTransform on a topic each; the robot's poses as PoseInFrame."""
-    messages = [("/mount/tf_static", START, foxglove.transform(START, "base_link", "lidar", (0, 0, 1)))]
+    """FrameTransform on topics of any name; the robot's poses as PoseInFrame."""
+    messages = [
+        ("/mount/tf_static", START, foxglove.transform(START, "base_link", "arm", (0, 0, 0.25))),
+        ("/arm/mount_tf_static", START, foxglove.transform(START, "arm", "lidar", (0, 0, 0.75))),
+    ]
     messages += [("/pose", s, foxglove.pose(s, "map", (i / 10, 0, 0))) for i, s in enumerate(stamps(12, -1))]
     messages += [("/lidar", stamp, foxglove.cloud(stamp, POINTS)) for stamp in stamps(10)]
     path = foxglove.write(tmp_path / "log.mcap", by_time(messages), encoding)
@@ -134,6 +138,9 @@ def test_a_laser_scan(encoding):
     assert found.ranges.tolist() == [[1], [2], [3]]
     assert found.intensities.tolist() == [[7], [8], [9]]
     assert found.pose == Transform.of((0, 0, 0.3), TURN)
+    # Turned by a quarter, the middle beam looks along y.
+    points = echoes(found, LogSection().laser).points
+    np.testing.assert_allclose(points[1], [0, 2, 0.3], atol=1e-12)
     bare = laser_scan(*foxglove.topic_of(foxglove.scan(START, [4], 0.25, 0.25), encoding))
     assert (bare.pose, bare.intensities, bare.angle_increment) == (None, None, 0)
 
@@ -194,7 +201,7 @@ def test_times_in_json(time, stamp):
         ({"timestamp": 5}, "no known form"),
         ({"frame_id": 5}, "its frame_id is no text"),
         ({"pose": {"position": [1, 2, 3]}}, "has no x"),
-        ({"pose": {"position": {"x": math.nan}}}, "its pose is not finite"),
+        ({"pose": {"position": {"x": math.nan}}}, "its pose is no place"),
         ({"pose": {"position": {"x": "far"}}}, "could not convert"),
         ({"pose": None}, "it has no pose"),
     ],

@@ -57,7 +57,7 @@ def test_a_laser_that_goes_round_makes_a_pass_with_each_half_turn(first, way):
     assert 4 <= len(whole) <= 5
     for one in whole:
         middle = (angles[one.first] + angles[one.last - 1]) / 2
-        assert abs(math.remainder(middle, math.pi)) < 0.32  # through 0 or 180 degrees
+        assert abs(math.remainder(middle, math.pi)) < 0.36  # through 0 or 180 degrees
 
 
 def test_a_pass_that_the_log_cuts_is_incomplete():

@@ -2,17 +2,18 @@
 
 import os
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from gapeval.config import LogSection
+from gapeval.config import LogSection, StaticTransform
 from gapeval.errors import LogError
 from gapeval.logs.read import describe, read_frames, read_recording
-from gapeval.logs.read.cloud import cloud_points
 from gapeval.logs.read.container import Topic
-from gapeval.logs.read.message import POINT_CLOUD, decode
+from gapeval.logs.read.content import cloud, time_field, timed_cloud
+from gapeval.logs.read.message import POINT_CLOUD
 from gapeval.logs.read.opening import open_container
 
 pytestmark = pytest.mark.skipif(
@@ -98,7 +99,38 @@ def test_tf_of_a_log_without_clouds_is_described():
 
 def test_a_cloud_of_26_byte_points():
     raw = (DATA / "clouds/pointcloud2_cdr_26byte_step.bin").read_bytes()
-    points = cloud_points(decode(Topic("/points", POINT_CLOUD, 1, "cdr"), raw))
+    topic = Topic("/points", POINT_CLOUD, 1, "cdr")
+    points = cloud(topic, raw)
     assert len(points.xyz) + points.not_finite + points.zero == 64_000
     assert len(points.xyz) > 30_000
     assert 5 < np.linalg.norm(points.xyz, axis=1).max() < 300
+    timed, found = timed_cloud(topic, raw), time_field(topic, raw)
+    assert np.array_equal(timed.points.xyz, points.xyz)
+    # Half a turn at 10 Hz, from the stamp on.
+    assert (found.name, found.type, found.unit, found.origin) == ("timestamp", "float64", "s", "absolute")
+    assert (timed.nanoseconds.min(), timed.nanoseconds.max()) == (0, 49_806_118)
+    # Points are in the order in which they were measured.
+    assert (np.diff(timed.nanoseconds) >= 0).all()
+
+
+def test_times_that_a_driver_left_empty_are_none():
+    for suffix in ("mcap", "bag"):
+        (found,) = describe(DATA / f"os1_street/os1_street.{suffix}", LogSection()).clouds
+        assert found.time is None
+        assert "goes from 0 to 0, which is no scan" in found.no_time
+
+
+def test_a_folder_of_one_pcd_file(tmp_path):
+    """An HDL-32, 1.98 m up."""
+    path = DATA / "clouds/hdl32_tilted_6deg.pcd"
+    shutil.copy(path, tmp_path / "1700000000.5.pcd")
+    (tmp_path / "poses.tum").write_text("1700000000.5 0 0 1.98 0 0 0 1\n")
+    mount = StaticTransform(parent="base_link", child="lidar", translation=(0.0, 0.0, 1.98))
+    recording = read_recording(tmp_path, LogSection(transforms=(mount,)))
+    (frame,) = read_frames(recording, 0, 1)
+    assert (recording.container, frame.dropped) == ("folder of pcd", 5_032)
+    assert -45 < np.degrees(recording.lowest_elevation) < -20
+    rows = np.frombuffer(path.read_bytes().partition(b"DATA binary\n")[2], "<f4").reshape(-1, 4)[:, :3]
+    expected = rows[rows.any(axis=1)]
+    assert len(expected) == 64_056
+    np.testing.assert_allclose(frame.points, expected + np.float32([0, 0, 1.98]), atol=1e-5)

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from itertools import islice
 from typing import TypeVar
 
-AHEAD = 2  # pieces that are ready or being made, besides the one in use
+THREADS = 2
+AHEAD = 3  # pieces that are ready or being made, besides the one in use
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -15,15 +16,21 @@ Made = TypeVar("Made")
 
 @contextmanager
 def ahead(make: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Iterator[tuple[Item, Made]]]:
-    """(item, what is made of it), in order, made by a thread: decompression and checksums let others run.
+    """(item, what is made of it), in order, made by threads: decompression and checksums let others run.
 
     What make raises is raised here, when its item's turn has come.
     """
-    with ThreadPoolExecutor(1) as executor:
+    with ThreadPoolExecutor(THREADS) as executor:
         try:
             yield _made(executor, make, items)
         finally:
             executor.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def in_turn(make: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Iterator[tuple[Item, Made]]]:
+    """The same without threads, for what takes less than it takes to hand it over."""
+    yield ((item, make(item)) for item in items)
 
 
 def _made(
@@ -39,4 +46,4 @@ def _made(
         waiting.extend((following, executor.submit(make, following)) for following in islice(left, 1))
         yield item, made
         # Not held here until the next is made.
-        del made
+        del made, future

@@ -87,6 +87,7 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
         losses=surveyed.losses,
         laser=settings.laser,
         deskew=settings.deskew,
+        checked=surveyed.checked,
         strict=settings.strict,
     )
     recording = replace(recording, lowest_elevations=_lowest_elevations(recording, settings))

@@ -2,11 +2,11 @@
 
 import heapq
 from collections.abc import Callable, Collection, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from gapeval.errors import LogError
-from gapeval.logs.read.ahead import ahead
+from gapeval.logs.read.ahead import ahead, in_turn
 from gapeval.logs.read.compression import BombError, DamagedError
 from gapeval.logs.read.container import Loss, Message, Raw, Topic, library_errors
 from gapeval.logs.read.losses import BAD_MESSAGE, BOMB, INDEX_LIES, UNDESCRIBED, Losses
@@ -47,6 +47,7 @@ class BlockLog(Generic[Block]):
     was lost; read_heads: (block, numbers, those needed whole, low, high) -> the same with heads.
     unpack: a message as it was before it was compressed. walk: blocks and topics by the bytes alone, for when
     the index turns out to be wrong; is_walked: whether they are.
+    is_costly: whether threads are to read whole blocks ahead; is_plain: whether heads cost next to nothing.
     """
 
     file: RawFile
@@ -58,7 +59,9 @@ class BlockLog(Generic[Block]):
     read_heads: Callable[[Block, Collection[int], Collection[int], int, int], Read]
     unpack: Callable[[Raw], Raw]
     walk: Callable[[], tuple[list[Block], dict[int, Topic]]]
-    is_walked: bool = field(default=False)
+    is_walked: bool
+    is_costly: bool
+    is_plain: bool
 
     @property
     def start(self) -> int | None:
@@ -70,7 +73,7 @@ class BlockLog(Generic[Block]):
 
     def messages(self, names: Collection[str], start: int | None, stop: int | None) -> Iterator[Message]:
         """As in Container."""
-        return _in_order(self, names, start, stop, lambda _: self.read)
+        return _in_order(self, names, start, stop, self.is_costly, lambda _: self.read)
 
     def heads(
         self, names: Collection[str], whole: Collection[str], start: int | None, stop: int | None
@@ -81,7 +84,7 @@ class BlockLog(Generic[Block]):
             complete = {number for number, topic in wanted.items() if topic.name in whole}
             return lambda block, numbers, low, high: self.read_heads(block, numbers, complete, low, high)
 
-        return _in_order(self, {*names, *whole}, start, stop, reading)
+        return _in_order(self, {*names, *whole}, start, stop, self.is_costly and not self.is_plain, reading)
 
 
 def undescribed(
@@ -102,6 +105,7 @@ def _in_order(
     names: Collection[str],
     start: int | None,
     stop: int | None,
+    is_costly: bool,
     reading: Callable[[dict[int, Topic]], Callable[[Block, Collection[int], int, int], Read]],
 ) -> Iterator[Message]:
     low = -1 if start is None else start
@@ -113,7 +117,7 @@ def _in_order(
         read = reading(wanted)
         with library_errors(log.file.path, log.kind, "record it again"):
             try:
-                for key, number, raw in _run(log, read, wanted, low, high):
+                for key, number, raw in _run(log, read, wanted, low, high, is_costly):
                     if key <= last:
                         continue
                     last = key
@@ -136,12 +140,14 @@ def _run(
     wanted: dict[int, Topic],
     low: int,
     high: int,
+    is_costly: bool,
 ) -> Iterator[tuple[Key, int, Raw]]:
     """Blocks are opened in the order of their start; a message waits for the blocks that begin before it."""
     blocks = [b for b in log.blocks if b.end >= low and b.start < high and _holds(log, b, wanted)]
     blocks.sort(key=lambda block: (block.start, block.offset))
     heap: list[tuple[int, int, int, int, Raw]] = []
-    with ahead(lambda block: read(block, wanted.keys(), low, high), blocks) as loaded:
+    prepared = ahead if is_costly else in_turn
+    with prepared(lambda block: read(block, wanted.keys(), low, high), blocks) as loaded:
         for block, (found, losses) in loaded:
             for loss in losses:
                 log.losses.add(loss)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gapeval.frame import FloatArray, Transform
-from gapeval.logs.read.cloud import LIES, PackedCloud, PackedField, UnreadableCloudError
+from gapeval.logs.read.cloud import FARTHEST, LIES, PackedCloud, PackedField, UnreadableCloudError
 from gapeval.logs.read.container import Raw, Topic
 from gapeval.logs.read.foxglove_message import (
     TRANSFORMS,
@@ -165,8 +165,8 @@ def _values(place: Any, turn: Any) -> tuple[float, ...]:
     translation = tuple(_number(place, name) for name in "xyz")
     quaternion = tuple(_number(turn, name) for name in "xyzw")
     values = (*translation, *(quaternion if any(quaternion) else (0.0, 0.0, 0.0, 1.0)))
-    if not all(map(math.isfinite, values)):
-        raise ValueError("its pose is not finite")
+    if not all(abs(value) < FARTHEST for value in values):
+        raise ValueError(f"its pose is no place: {values}")
     return values
 
 

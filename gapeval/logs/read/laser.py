@@ -13,7 +13,7 @@ from gapeval.logs.read.measurement import LaserScan
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Echoes:
-    """What a scan measured, in the laser's frame.
+    """What a scan measured, in the scan's frame.
 
     points: (N, 3) [m]; nanoseconds: (N,) of each since the scan's stamp. no_echo: beams without any, or out
     of range; shadows: beams dropped by the shadow filter.
@@ -33,6 +33,8 @@ def echoes(scan: LaserScan, settings: RotatingLaser) -> Echoes:
     kept = seen & ~grazing(np.where(seen, ranges, np.inf), scan.angle_increment, settings.shadow_filter)
     r, azimuth = ranges[kept], azimuth[kept]
     points = np.column_stack([r * np.cos(azimuth), r * np.sin(azimuth), np.zeros(len(r))])
+    if scan.pose is not None:
+        points = scan.pose.apply(points)
     when = beam_times(len(ranges), increment(scan.time_increment, settings))[kept]
     return Echoes(points, when, int(len(ranges) - seen.sum()), int(seen.sum() - kept.sum()))
 

@@ -15,9 +15,9 @@ from gapeval.logs.read.container import Container, Topic, library_errors, merged
 from gapeval.logs.read.losses import Losses
 from gapeval.logs.read.mcap_chunk import read_block, read_heads
 from gapeval.logs.read.mcap_index import read_index
-from gapeval.logs.read.mcap_records import Block, Index
+from gapeval.logs.read.mcap_records import Block, Index, RecordError, chunk_at
 from gapeval.logs.read.mcap_salvage import walked
-from gapeval.logs.read.raw_file import RawFile, raw_file
+from gapeval.logs.read.raw_file import CutError, RawFile, raw_file
 
 KIND = "MCAP"
 ADVICE = "record it again"
@@ -48,6 +48,8 @@ def open_mcap_file(path: Path) -> Iterator[Container]:
             unpack=decompressed,
             walk=lambda: _described(file, losses, walked(file, losses)),
             is_walked=index.is_walked,
+            is_costly=True,
+            is_plain=_is_plain(file, blocks),
         )
         yield Container(
             kind=KIND,
@@ -59,6 +61,14 @@ def open_mcap_file(path: Path) -> Iterator[Container]:
             notices=index.notices,
             losses=losses.found,
         )
+
+
+def _is_plain(file: RawFile, blocks: list[Block]) -> bool:
+    """Whether nothing is compressed, going by the first block."""
+    try:
+        return not (blocks and blocks[0].is_chunk and chunk_at(file, blocks[0].offset).compression)
+    except (RecordError, CutError):
+        return False
 
 
 def _described(file: RawFile, losses: Losses, index: Index) -> tuple[list[Block], dict[int, Topic]]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.frame import Transform
-from gapeval.logs.read.cloud import LIES, PackedCloud, PackedField, UnreadableCloudError
+from gapeval.logs.read.cloud import FARTHEST, LIES, PackedCloud, PackedField, UnreadableCloudError
 from gapeval.logs.read.lzf import lzf_decompressed
 from gapeval.logs.read.measurement import Head
 from gapeval.logs.read.message import UndecodableError
@@ -80,6 +80,8 @@ def viewpoint_pose(header: PcdHeader) -> Transform | None:
         return None
     x, y, z, qw, qx, qy, qz = header.viewpoint
     try:
+        if not all(abs(value) < FARTHEST for value in header.viewpoint):
+            raise ValueError("it is too far away")
         return Transform.of((x, y, z), (qx, qy, qz, qw))
     except ValueError as error:
         raise UndecodableError(f"its VIEWPOINT is no pose: {error}") from error

@@ -169,11 +169,12 @@ def _taken(
     last_use: dict[int, int],
 ) -> list[Decoded]:
     """What the messages of a cloud hold; those that no later cloud needs are let go."""
-    if recording.strict and container.losses and any(source not in held for source in needed[index]):
+    is_damaged = bool(container.losses) and not recording.checked
+    if recording.strict and is_damaged and any(source not in held for source in needed[index]):
         raise LogError(
             f"{recording.path}: not whole: {container.losses[-1]}; leave out --strict for the rest"
         )
-    lost = DAMAGED if container.losses else LOST
+    lost = DAMAGED if is_damaged else LOST
     stamps = recording.scans.sources.stamps
     parts = [held.get(source) or RefusedScan(int(stamps[source]), lost) for source in needed[index]]
     for source in needed[index]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gapeval.errors import LogError
 from gapeval.frame import FloatArray
+from gapeval.logs.read.cloud import FARTHEST
 from gapeval.logs.read.measurement import StampedPose
 
 PARENT = "map"
@@ -93,10 +94,10 @@ def _numbers(path: Path, number: int, words: Sequence[str], count: int) -> Float
         values = np.array([float(word) for word in words])
     except ValueError as error:
         raise LogError(f"{path}: line {number} has what is no number: {error}") from error
-    if len(values) != count or not np.isfinite(values).all():
-        raise LogError(
-            f"{path}: line {number} has {len(values)} columns, or not finite ones; expected {count}"
-        )
+    if len(values) != count:
+        raise LogError(f"{path}: line {number} has {len(values)} columns, where {count} are needed")
+    if not (np.abs(values) < FARTHEST).all():
+        raise LogError(f"{path}: line {number} has numbers that are not finite, or no place on earth")
     return values
 
 

@@ -40,7 +40,8 @@ class Opened:
 class Surveyed:
     """A log after its one pass: nothing is chosen yet but the topics that were read.
 
-    offsets: (n, K) [ns], the times since its stamp between which each message was measured.
+    offsets: (n, K) [ns], the times since its stamp between which each message was measured. checked: whether
+    all of each cloud was read, and not only its head.
     """
 
     path: Path
@@ -53,6 +54,7 @@ class Surveyed:
     tree: TransformTree
     notices: tuple[str, ...]
     losses: tuple[Loss, ...]
+    checked: bool
 
 
 def survey_log(path: Path, settings: LogSection, progress: Progress | None = None) -> Surveyed:
@@ -80,7 +82,7 @@ def survey_log(path: Path, settings: LogSection, progress: Progress | None = Non
     samples: Samples = {key: rows for key, rows in survey.samples.items() if key[2] in tf}
     tree, notices = build_tree(samples, settings.transforms, opened.topics)
     notices = (*opened.notices, *survey.notices, *notices)
-    return Surveyed(path, opened, names, planar, window, survey, offsets, tree, notices, losses)
+    return Surveyed(path, opened, names, planar, window, survey, offsets, tree, notices, losses, not heads)
 
 
 def is_large(path: Path) -> bool:

@@ -92,8 +92,9 @@ class Recording:
     total: clouds in the log. refused: reason -> clouds refused for it so far; examples: reason -> a few of
     their stamps [ns]. Clouds that turn out to hold nothing are refused only when they are read.
     notices: what is worth telling, one line each. losses: what of the log could not be read.
-    laser: how planar scans are read. deskew: whether points are moved by their own times. strict: whether
-    clouds in a damaged part, which a large log shows only when they are read, are an error.
+    laser: how planar scans are read. deskew: whether points are moved by their own times.
+    checked: whether all of its clouds were there; of a large log that shows only when they are read. strict:
+    whether one that is not is an error.
     pose_error, pose_noise: of robot<-cloud in the scans, made on purpose; None where there is none.
     """
 
@@ -119,6 +120,7 @@ class Recording:
     losses: tuple[Loss, ...] = ()
     laser: RotatingLaser = field(default_factory=RotatingLaser)
     deskew: bool = False
+    checked: bool = True
     strict: bool = False
     pose_error: PoseError | None = None
     pose_noise: PoseNoise | None = None

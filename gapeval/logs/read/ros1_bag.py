@@ -9,10 +9,10 @@ from gapeval.errors import LogError
 from gapeval.logs.read.blocks import BlockLog, undescribed
 from gapeval.logs.read.container import Container, Topic, library_errors, merged_topics, printable, ros2_type
 from gapeval.logs.read.losses import Losses
-from gapeval.logs.read.raw_file import RawFile, raw_file
-from gapeval.logs.read.ros1_chunk import read_chunk, read_heads
+from gapeval.logs.read.raw_file import CutError, RawFile, raw_file
+from gapeval.logs.read.ros1_chunk import chunk_at, read_chunk, read_heads
 from gapeval.logs.read.ros1_index import read_index
-from gapeval.logs.read.ros1_records import FIRST, MAGIC, Chunk, Connection, Index
+from gapeval.logs.read.ros1_records import FIRST, MAGIC, Chunk, Connection, Index, RecordError
 from gapeval.logs.read.ros1_salvage import walked
 
 KIND = "ROS 1 bag"
@@ -42,6 +42,9 @@ def open_ros1_bag(path: Path) -> Iterator[Container]:
             unpack=lambda raw: raw,
             walk=lambda: _described(file, losses, walked(file, losses)),
             is_walked=bool(index.notices),
+            # bz2 takes 50 times as long as lz4, and reading plain bytes is all there is to those.
+            is_costly=_codec(file, blocks) == "bz2",
+            is_plain=_codec(file, blocks) == "none",
         )
         yield Container(
             kind=KIND,
@@ -53,6 +56,14 @@ def open_ros1_bag(path: Path) -> Iterator[Container]:
             notices=index.notices,
             losses=losses.found,
         )
+
+
+def _codec(file: RawFile, chunks: list[Chunk]) -> str:
+    """How the first chunk is compressed, and so the others are."""
+    try:
+        return chunk_at(file, chunks[0].offset)[1] if chunks else ""
+    except (RecordError, CutError):
+        return ""
 
 
 def _check_version(file: RawFile) -> None:

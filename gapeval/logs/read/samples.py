@@ -41,14 +41,17 @@ Samples = dict[tuple[str, str, str], Rows]
 
 
 def is_static_topic(name: str) -> bool:
-    return name.rpartition("/")[2] == "tf_static"
+    return name.endswith("tf_static")
 
 
 def tf_topics(topics: Iterable[Topic], near: str | None) -> tuple[str, ...]:
     """The names of the tf topics: /tf and /tf_static, else those of the only namespace that has any, else of
     the namespace of the topic `near`. Raises LogError where that leaves a choice.
     """
-    found = [t.name for t in topics if role_of(t) == "tf" and t.count]
+    tf = [t for t in topics if role_of(t) == "tf" and t.count]
+    # Foxglove puts all transforms into one tree, whatever the names of their topics.
+    foreign = tuple(t.name for t in tf if foxglove_type(t))
+    found = [t.name for t in tf if t.name not in foreign]
     spaces = {name: name.rpartition("/")[0] for name in found}
     distinct = sorted(set(spaces.values()))
     if "" in distinct:
@@ -57,7 +60,7 @@ def tf_topics(topics: Iterable[Topic], near: str | None) -> tuple[str, ...]:
         distinct = [space for space in distinct if near.startswith(space + "/")] or distinct
     if len(distinct) > 1:
         raise LogError(f"tf of several robots, in {', '.join(distinct)}; record one robot per log")
-    return tuple(name for name in found if spaces[name] in distinct)
+    return (*(name for name in found if spaces[name] in distinct), *foreign)
 
 
 def pose_topics(topics: Iterable[Topic]) -> tuple[Topic, ...]:

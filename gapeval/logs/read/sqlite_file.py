@@ -27,11 +27,12 @@ from gapeval.logs.read.container import (
 )
 from gapeval.logs.read.losses import BAD_MESSAGE, BOMB, INDEX_LIES, ODD_ROW, UNDESCRIBED, WAL_LEFT, Losses
 from gapeval.logs.read.raw_file import raw_file
-from gapeval.logs.read.sqlite_salvage import Described, Salvaged, read_payload, salvaged
+from gapeval.logs.read.sqlite_salvage import Described, Salvaged, is_cut, read_payload, salvaged
 
 KIND = "rosbag2 sqlite3"
 MAGIC = b"SQLite format 3\0"
 ADVICE = "record it again"
+CACHE = 16  # pages
 DAMAGED = "the database is damaged, so its pages were read one by one"
 
 Fetch = Callable[[int, int], Raw]  # rowid and length of a message -> its data, or as much as is needed of it
@@ -62,6 +63,7 @@ def open_sqlite_file(path: Path) -> Iterator[Container]:
             database = stack.enter_context(_database(path))
             log = _Log(path, database, {}, losses)
             try:
+                _check_size(path)
                 described, counts, start, end = _read_topics(database)
             except (sqlite3.Error, ValueError, TypeError) as error:
                 # sqlite3 lets anything stand in any column.
@@ -105,6 +107,13 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
         yield database
 
 
+def _check_size(path: Path) -> None:
+    """Raises ValueError for a file that is cut: sqlite reads zeros where the last page is not all there."""
+    with raw_file(path) as file:
+        if is_cut(file):
+            raise ValueError("the file is cut")
+
+
 def _connected(path: Path, options: str) -> sqlite3.Connection:
     # In a URI `?`, `#` and `%` would have a meaning.
     return sqlite3.connect(f"file:{quote(str(path.absolute()))}?{options}", uri=True, check_same_thread=False)
@@ -115,6 +124,8 @@ def _read_topics(
 ) -> tuple[Described, dict[int, int], int | None, int | None]:
     """What is described, messages by topic, first and last bag time [ns]."""
     described, counts = Described(), {}
+    # Each page is looked at once; to keep them costs more than to read them.
+    database.execute(f"PRAGMA cache_size = {CACHE}")
     for number, name, kind, serialization in database.execute(
         "SELECT id, name, type, serialization_format FROM topics"
     ):

@@ -84,6 +84,14 @@ def salvaged(file: RawFile, losses: Losses) -> Salvaged:
     return found
 
 
+def is_cut(file: RawFile) -> bool:
+    """Whether the file ends before its last page does, as far as its header says how many it has."""
+    head, page = file.upto(0, HEADER), _layout(file).page
+    # The number of pages counts only if it was written together with the last change.
+    pages = int.from_bytes(head[28:32], "big") if head[24:28] == head[92:96] else 0
+    return file.size % page != 0 or file.size < pages * page
+
+
 def read_payload(file: RawFile, found: Salvaged, row: Row, losses: Losses) -> Raw | None:
     """A message's data; None, and a loss, where its pages do not hang together."""
     try:
@@ -228,7 +236,6 @@ def _tell_missing(file: RawFile, found: Salvaged, rows: dict[int, Row], losses: 
             before = rows[last].time if last else None
             losses.add(Loss(name, MISSING_ROWS, None, number - last - 1, before, rows[number].time))
         last = number
-    pages = int.from_bytes(file.upto(28, 4), "big")
-    if pages * found.page > file.size:
-        missing = pages * found.page - file.size
-        losses.add(Loss(name, CUT_DATABASE, missing, None, rows[last].time if last else None, None))
+    if is_cut(file):
+        left = file.size % found.page
+        losses.add(Loss(name, CUT_DATABASE, left, None, rows[last].time if last else None, None))

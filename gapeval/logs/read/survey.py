@@ -1,5 +1,6 @@
 """One pass through a log: everything but the points of its clouds."""
 
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -181,7 +182,7 @@ def _add_cloud(
         return
     clouds.rows.append((number, stamp, *place, beams))
     clouds.increments.append(increment)
-    clouds.frames.append(frame)
+    clouds.frames.append(sys.intern(frame))  # there are few, and one of each message
 
 
 def _headers(clouds: _Rows) -> Headers:
