@@ -13,6 +13,7 @@ from gapeval.logs.read.containers.losses import (
     LostError,
 )
 from gapeval.logs.read.containers.raw_file import CutError, RawFile, Window
+from gapeval.logs.read.containers.ros1_message import message_head
 from gapeval.logs.read.containers.ros1_records import (
     LONGEST_HEADER,
     Chunk,
@@ -24,7 +25,6 @@ from gapeval.logs.read.containers.ros1_records import (
     number,
     record_at,
 )
-from gapeval.logs.read.ros1_message import message_head
 
 CODECS = ("none", "lz4", "bz2")
 

@@ -17,6 +17,7 @@ from gapeval.logs.read.containers.ros1_chunk import (
     indexes_behind,
     records,
 )
+from gapeval.logs.read.containers.ros1_message import message_head_of
 from gapeval.logs.read.containers.ros1_records import (
     FIRST,
     Chunk,
@@ -27,7 +28,6 @@ from gapeval.logs.read.containers.ros1_records import (
     connection,
     record_at,
 )
-from gapeval.logs.read.ros1_message import message_head_of
 
 _CHUNK = b"\x04\x00\x00\x00op=\x05"
 _FARTHEST = 64  # bytes from the start of a chunk's header to the field that tells it is one
