@@ -6,6 +6,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from gapeval.config import BodyBox
+
 FloatArray = NDArray[np.float64]
 
 
@@ -167,3 +169,12 @@ class Plane:
 def robot_plane(ground_z: float) -> Plane:
     """The plane z = ground_z of the robot frame."""
     return Plane(0.0, 0.0, 1.0, -ground_z)
+
+
+def of_body(points: NDArray[np.float32], body: BodyBox | None) -> NDArray[np.bool_]:
+    """Which points (N, 3), robot frame [m], are of the robot itself, (N,)."""
+    if body is None:
+        return np.zeros(len(points), dtype=np.bool_)
+    low, high = np.array([body.x, body.y, body.z]).T
+    inside: NDArray[np.bool_] = ((points >= low) & (points <= high)).all(axis=1)
+    return inside

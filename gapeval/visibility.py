@@ -17,6 +17,7 @@ from gapeval.frame import (
     Plane,
     Transform,
     Viewpoint,
+    of_body,
     sensor_angles,
     sensor_elevation,
     upright,
@@ -33,15 +34,6 @@ def without_body(points: NDArray[np.float32], body: BodyBox | None) -> NDArray[n
         return points
     others: NDArray[np.float32] = points[~of_body(points, body)]
     return others
-
-
-def of_body(points: NDArray[np.float32], body: BodyBox | None) -> NDArray[np.bool_]:
-    """Which points (N, 3), robot frame [m], are of the robot itself, (N,)."""
-    if body is None:
-        return np.zeros(len(points), dtype=np.bool_)
-    low, high = np.array([body.x, body.y, body.z]).T
-    inside: NDArray[np.bool_] = ((points >= low) & (points <= high)).all(axis=1)
-    return inside
 
 
 def lowest_ray(sensor: Sensor, source: Frame | Viewpoint) -> float:

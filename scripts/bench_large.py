@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def measure(path: str, part: str, clouds: int) -> None:
-    from gapeval.logs.read.opening import open_container
+    from gapeval.logs.read.containers.opening import open_container
 
     middle = START + clouds // 2 * STEP
     begun, before = time.perf_counter(), peak()

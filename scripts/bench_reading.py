@@ -20,7 +20,7 @@ from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from gapeval.logs.read.container import Message
-from gapeval.logs.read.opening import open_container
+from gapeval.logs.read.containers.opening import open_container
 
 CODECS = {"none": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
 TF = "tf2_msgs/msg/TFMessage"

@@ -32,10 +32,10 @@ from mcap.writer import CompressionType, IndexType
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag1 import Writer as Ros1Writer
 
-from gapeval.logs.read import losses
-from gapeval.logs.read.mcap_index import CONTRADICTED, DAMAGED_SUMMARY
-from gapeval.logs.read.ros1_index import DAMAGED_INDEX
-from gapeval.logs.read.sqlite_file import DAMAGED as DAMAGED_DATABASE
+from gapeval.logs.read.containers import losses
+from gapeval.logs.read.containers.mcap_index import CONTRADICTED, DAMAGED_SUMMARY
+from gapeval.logs.read.containers.ros1_index import DAMAGED_INDEX
+from gapeval.logs.read.containers.sqlite_file import DAMAGED as DAMAGED_DATABASE
 
 Sent = tuple[str, int, bytes]  # topic, bag time, data
 

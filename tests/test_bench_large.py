@@ -5,7 +5,7 @@ import pytest
 from rosbags.rosbag1 import Reader as Ros1Reader
 from rosbags.rosbag2.storage_mcap import McapReader
 
-from gapeval.logs.read.opening import open_container
+from gapeval.logs.read.containers.opening import open_container
 
 
 @pytest.mark.parametrize("kind", ["bag", "mcap", "db3"])

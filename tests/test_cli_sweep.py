@@ -277,3 +277,24 @@ def test_real_log_hits_all_three_gaps_in_all_three_frames(tmp_path: Path, real_d
         assert (best["asked"], best["hits"], best["hit_rate"]) == ("9", "9", "1.0")
         tables.append([(out / table).read_text().replace(f".{kind}", "") for table in TABLES])
     assert tables[0] == tables[1]
+
+
+def test_on_level_ground_detect_and_score_are_a_sweep_and_say_so(tmp_path: Path) -> None:
+    """A plane of its own is named in the manifest, so that nobody compares it with another."""
+    log, drawn = drive(tmp_path / "drive.mcap", 2), labels(tmp_path / "labels.geojson")
+    swept, scored, found = tmp_path / "swept", tmp_path / "scored", tmp_path / "d.geojson"
+    level = ("-p", "plane=gravity", "-p", "n_o=0")
+    assert gapeval("sweep", log, "--labels", drawn, *level, "-o", swept, "--gaps").status == 0
+    assert gapeval("detect", log, "-o", found, *level).status == 0
+    assert gapeval("score", found, drawn, "-o", scored).status == 0
+    for name in ("frames.csv", "labels.csv"):
+        assert read(swept / name)
+        assert read(scored / name) == read(swept / name)
+    assert {row["plane_fallback"] for row in read(swept / "frames.csv")} == {""}
+    assert json.loads((swept / "manifest.json").read_text())["scoring"]["plane"] == "gravity"
+    weights = [feature["properties"]["weight"] for feature in json.loads(found.read_text())["features"]]
+    assert [row["weight"] for row in read(swept / "gaps.csv")] == list(map(repr, weights))
+    assert all(0 < weight <= 1 for weight in weights)
+    mixed = tmp_path / "mixed"
+    assert gapeval("sweep", log, "--labels", drawn, "-p", "plane=gravity,robot", "-o", mixed).status == 0
+    assert "plane" not in json.loads((mixed / "manifest.json").read_text())["scoring"]

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from logs_writer import CLOUD, ROS1, ROS2, cloud_message
 
 from gapeval.frame import Transform
-from gapeval.logs.read.cloud import DATATYPES, UnreadableCloudError, cloud_points, transformed
 from gapeval.logs.read.container import Topic
-from gapeval.logs.read.message import UndecodableError, decode
+from gapeval.logs.read.messages.cloud import DATATYPES, UnreadableCloudError, cloud_points, transformed
+from gapeval.logs.read.messages.message import UndecodableError, decode
 
 QUICK = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 

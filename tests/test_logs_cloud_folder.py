@@ -19,7 +19,8 @@ from gapeval.errors import LogError
 from gapeval.frame import Transform
 from gapeval.logs.read import RefusedScan, describe, read_frames, read_recording
 from gapeval.logs.read.container import HEAD, Topic
-from gapeval.logs.read.content import (
+from gapeval.logs.read.containers.opening import open_container
+from gapeval.logs.read.messages.content import (
     UndecodableError,
     UnreadableCloudError,
     cloud,
@@ -27,10 +28,9 @@ from gapeval.logs.read.content import (
     packed_cloud,
     timed_cloud,
 )
-from gapeval.logs.read.file_message import with_head
-from gapeval.logs.read.lzf import lzf_decompressed
-from gapeval.logs.read.opening import open_container
-from gapeval.logs.read.pose_file import read_pose_file
+from gapeval.logs.read.messages.file_message import with_head
+from gapeval.logs.read.messages.lzf import lzf_decompressed
+from gapeval.logs.read.messages.pose_file import read_pose_file
 
 ENCODINGS = tuple(map(pypcd4.Encoding, ("ascii", "binary", "binary_compressed")))
 XYZ = POINTS.astype(np.float32)

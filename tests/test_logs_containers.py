@@ -32,9 +32,9 @@ from gapeval.errors import LogError
 from gapeval.frame import Frame
 from gapeval.logs.read import is_costly_to_open, read_frames, read_recording
 from gapeval.logs.read.container import Source, in_time_order
-from gapeval.logs.read.losses import BAD_CHECKSUM, CUT
-from gapeval.logs.read.opening import open_container
-from gapeval.logs.read.ros1_index import DAMAGED_INDEX
+from gapeval.logs.read.containers.losses import BAD_CHECKSUM, CUT
+from gapeval.logs.read.containers.opening import open_container
+from gapeval.logs.read.containers.ros1_index import DAMAGED_INDEX
 
 START = 1_700_000_000_000_000_000
 STEP = 100_000_000

@@ -22,7 +22,7 @@ from logs_writer import (
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from gapeval.logs.read.container import HEAD, Topic
-from gapeval.logs.read.content import (
+from gapeval.logs.read.messages.content import (
     UndecodableError,
     head,
     head_suffices,

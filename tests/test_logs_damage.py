@@ -26,8 +26,8 @@ from hypothesis import strategies as st
 
 from gapeval.errors import LogError
 from gapeval.logs.read.container import HEAD, Loss
-from gapeval.logs.read.losses import BAD_CHECKSUM
-from gapeval.logs.read.opening import open_container
+from gapeval.logs.read.containers.losses import BAD_CHECKSUM
+from gapeval.logs.read.containers.opening import open_container
 
 CASES = [
     *[(damage, codec) for damage in BAG_DAMAGES for codec in ("none", "lz4", "bz2")],

@@ -25,7 +25,8 @@ from gapeval.errors import LogError
 from gapeval.frame import Transform
 from gapeval.logs.read import describe, read_recording
 from gapeval.logs.read.container import Topic
-from gapeval.logs.read.content import (
+from gapeval.logs.read.laser import echoes
+from gapeval.logs.read.messages.content import (
     UndecodableError,
     UnreadableCloudError,
     cloud,
@@ -36,7 +37,6 @@ from gapeval.logs.read.content import (
     timed_cloud,
     transforms,
 )
-from gapeval.logs.read.laser import echoes
 
 ENCODINGS = ("protobuf", "json")
 TURN = (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))

@@ -18,8 +18,8 @@ from logs_writer import write_records
 from gapeval.config import LogSection
 from gapeval.errors import LogError
 from gapeval.logs.read import describe
-from gapeval.logs.read.losses import CUT, INDEX_LIES
-from gapeval.logs.read.opening import open_container
+from gapeval.logs.read.containers.losses import CUT, INDEX_LIES
+from gapeval.logs.read.containers.opening import open_container
 
 LONGEST = 20  # seconds that one small file may take at most; it takes about a hundredth of one
 MOST = 300_000  # kB that all of them together may add to what the process holds

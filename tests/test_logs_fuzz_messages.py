@@ -29,10 +29,10 @@ from logs_writer import (
     tf_message,
 )
 
-from gapeval.logs.read import content
 from gapeval.logs.read.container import HEAD, Topic
-from gapeval.logs.read.content import UndecodableError, UnreadableCloudError
-from gapeval.logs.read.file_message import with_head
+from gapeval.logs.read.messages import content
+from gapeval.logs.read.messages.content import UndecodableError, UnreadableCloudError
+from gapeval.logs.read.messages.file_message import with_head
 
 pytestmark = pytest.mark.slow
 

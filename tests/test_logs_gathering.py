@@ -20,7 +20,7 @@ from moving_robot import (
     timed_cloud,
 )
 
-from gapeval.config import LogSection
+from gapeval.config import BodyBox, LogSection
 from gapeval.frame import Frame
 from gapeval.logs.read import read_frames, read_recording
 from gapeval.logs.read.transforms import product
@@ -288,3 +288,21 @@ def test_poses_may_come_from_a_file(tmp_path):
     assert recording.pose_source.startswith("slam.tum (sha256 ")
     for frame in read_frames(recording, 0, recording.matched):
         np.testing.assert_allclose(frame.points, there(frame.stamp, seen(frame.stamp, 3)), atol=2e-3)
+
+
+def test_the_robots_own_body_leaves_no_trail(tmp_path):
+    """What is seen of the robot itself drives along with it."""
+    own = np.array([[0.1, 0.2, 0.5], [-0.2, 0.0, 0.4], [0.25, -0.1, 0.3]])
+
+    def with_body(stamp):
+        return cloud(stamp, np.vstack([skewed(stamp, NOW)[:RING], MOUNT.apply_inverse(own)]))
+
+    path = write_sorted(tmp_path / "log", tf(1.2, lidar=MOUNT), [with_body(s) for s in STAMPS])
+    box = BodyBox(x=(-0.3, 0.3), y=(-0.3, 0.3), z=(0.2, 0.6))
+    recording = read_recording(path, settings(accumulate={"scans": 8}), body=box)
+    for frame in read_frames(recording, 0, recording.matched):
+        # Those of the last scan are left to the detector, which knows the box too.
+        np.testing.assert_allclose(frame.points[-3:], own, atol=1e-4)
+        others = frame.points[:-3]
+        assert len(others) == 8 * RING
+        np.testing.assert_allclose(others, np.tile(there(frame.stamp, STILL[:RING]), (8, 1)), atol=2e-4)

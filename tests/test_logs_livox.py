@@ -20,7 +20,7 @@ from logs_writer import (
 from gapeval.config import LogSection
 from gapeval.logs.read import read_frames, read_recording
 from gapeval.logs.read.container import HEAD, Topic
-from gapeval.logs.read.content import (
+from gapeval.logs.read.messages.content import (
     UndecodableError,
     UnreadableCloudError,
     cloud,

@@ -15,7 +15,7 @@ from gapeval.config import LogSection, RotatingLaser
 from gapeval.frame import Transform, rotation_matrices
 from gapeval.logs.read import read_recording
 from gapeval.logs.read.laser import echoes, grazing
-from gapeval.logs.read.measurement import LaserScan
+from gapeval.logs.read.messages.measurement import LaserScan
 from gapeval.logs.read.motion import moved
 from gapeval.logs.read.passes import passes, rotation, untwisted
 from gapeval.logs.read.transforms import Transforms, slerp

@@ -6,10 +6,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from logs_writer import ROS1, ROS2, START, cloud_message
 
-from gapeval.logs.read.cloud import DATATYPES, NO_TIME, PackedCloud, PackedField, UnreadableCloudError
 from gapeval.logs.read.container import Topic
-from gapeval.logs.read.content import time_field, timed_cloud
-from gapeval.logs.read.point_time import NAMES, timed_points
+from gapeval.logs.read.messages.cloud import (
+    DATATYPES,
+    NO_TIME,
+    PackedCloud,
+    PackedField,
+    UnreadableCloudError,
+)
+from gapeval.logs.read.messages.content import time_field, timed_cloud
+from gapeval.logs.read.messages.point_time import NAMES, timed_points
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 CODES = {name: code for code, (name, _) in DATATYPES.items()}

@@ -12,9 +12,9 @@ from gapeval.config import LogSection, StaticTransform
 from gapeval.errors import LogError
 from gapeval.logs.read import describe, read_frames, read_recording
 from gapeval.logs.read.container import Topic
-from gapeval.logs.read.content import cloud, time_field, timed_cloud
-from gapeval.logs.read.message import POINT_CLOUD
-from gapeval.logs.read.opening import open_container
+from gapeval.logs.read.containers.opening import open_container
+from gapeval.logs.read.messages.content import cloud, time_field, timed_cloud
+from gapeval.logs.read.messages.message import POINT_CLOUD
 
 pytestmark = pytest.mark.skipif(
     "GAPEVAL_DATA" not in os.environ, reason="GAPEVAL_DATA does not name the folder of real logs"

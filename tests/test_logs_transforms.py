@@ -12,7 +12,7 @@ from gapeval.config import StaticTransform
 from gapeval.errors import LogError
 from gapeval.frame import Transform
 from gapeval.logs.read.container import Topic
-from gapeval.logs.read.content import transforms as read_transforms
+from gapeval.logs.read.messages.content import transforms as read_transforms
 from gapeval.logs.read.samples import add_transforms, build_tree, tf_topics
 from gapeval.logs.read.transforms import (
     AFTER,

@@ -87,3 +87,24 @@ def test_help_imports_nothing_heavy() -> None:
         "distributed",
     }
     assert heavy.isdisjoint(loaded)
+
+
+def test_reading_a_log_goes_from_files_to_messages_to_frames() -> None:
+    """What messages say does not depend on the files they stand in, nor either on what is made of them."""
+    may_use = {"messages": {"container", "messages"}, "containers": {"container", "messages", "containers"}}
+    folder = PACKAGE / "logs" / "read"
+    wrong = [
+        f"{path.relative_to(folder)} imports {name}"
+        for room, allowed in may_use.items()
+        for path in sorted((folder / room).glob("*.py"))
+        for name in sorted(imported_from(path, "gapeval.logs.read."))
+        if name not in allowed
+    ]
+    assert wrong == []
+
+
+def imported_from(path: Path, package: str) -> set[str]:
+    """The modules and folders of a package that a module imports from."""
+    nodes = [node for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)]
+    names = {f"{node.module}.{alias.name}" for node in nodes for alias in node.names}
+    return {name.removeprefix(package).split(".")[0] for name in names if name.startswith(package)}

@@ -34,7 +34,7 @@ def detect_gaps(
     written = [path for path in (output, mcap) if path]
     for path in (*written, *pictures):
         make_folder(path.parent)
-    (recording,) = open_logs([log], config.log)
+    (recording,) = open_logs([log], config)
     if outputs.labels:
         require_frames(outputs.labels, recording.robot_frame, recording.fixed_frame)
     contents = _draw(recording, chosen, outputs.labels, number, picture, stages) if pictures else {}

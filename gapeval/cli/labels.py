@@ -32,7 +32,7 @@ def check(labels: Path, log: Path | None, **options: str) -> None:
     found, problems = check_labels(labels)
     if log is not None:
         config = configuration(**options)  # type: ignore[arg-type]
-        (recording,) = open_logs([log], config.log)
+        (recording,) = open_logs([log], config)
         problems += problems_in_log(found, recording, config)
     for problem in problems:
         click.echo(problem)
@@ -94,7 +94,7 @@ def image(
     drawn = read_labels(labels) if labels else None
     found = read_detections(detections) if detections else None
     make_folder(output)
-    (recording,) = open_logs([log], config.log)
+    (recording,) = open_logs([log], config)
     with progress_bar("draw", len(recording.scans), "frames") as bar:
         picture = birdseye.draw_log(recording, config.robot, resolution, reach, bar.update)
     if found:

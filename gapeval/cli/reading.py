@@ -12,11 +12,11 @@ import click
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-    from gapeval.config import LogSection
+    from gapeval.config import Config
     from gapeval.logs.read import Recording
 
 
-def open_logs(paths: Sequence[Path], settings: "LogSection") -> list["Recording"]:
+def open_logs(paths: Sequence[Path], config: "Config") -> list["Recording"]:
     """Survey each log; what was picked, refused or is worth a notice goes to stderr."""
     from gapeval.logs.read import read_recording
 
@@ -28,7 +28,7 @@ def open_logs(paths: Sequence[Path], settings: "LogSection") -> list["Recording"
                 bar.total = total
                 bar.update(done - bar.n)
 
-            recording = read_recording(path, settings, show)
+            recording = read_recording(path, config.log, show, config.robot.body)
         recordings.append(recording)
         frame = f", in {recording.fixed_frame} by {recording.pose_source}" if recording.fixed_frame else ""
         say(

@@ -86,7 +86,7 @@ def run_studies(
     if len({one.name for one in ready}) < len(ready):
         raise ConfigError("a study is named twice; name each once")
     if given is not None:
-        open_logs([given.log], ready[0].runs[0].config.log)  # says what was picked, and what is refused
+        open_logs([given.log], ready[0].runs[0].config)  # says what was picked, and what is refused
     make_folder(output)
     try:
         with locked(output / LOGS), progress_bar("studies", 0, "clouds") as bar:

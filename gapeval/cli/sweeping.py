@@ -80,7 +80,7 @@ def _sweep(order: Order, output: Path, way: Way, also: str = "") -> None:
     log_names(logs)
     labels = [read_labels(drawn.path) for drawn in order.labels]
     make_folder(output)
-    planned = plan(order.config, open_logs(logs, order.config.log), labels, order.gaps)
+    planned = plan(order.config, open_logs(logs, order.config), labels, order.gaps)
     for drawn, missing in unmatched_stamps(planned).items():
         if missing:
             say(f"{drawn.path}: {len(missing)} labelled stamps are no cloud, the first {missing[0]}")

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from gapeval.config import Configuration
 from gapeval.detection import Detection
-from gapeval.frame import Frame, Plane
-from gapeval.visibility import in_box, of_body
+from gapeval.frame import Frame, Plane, of_body
+from gapeval.visibility import in_box
 
 GROUND, OBSTACLE, BELOW, OUTSIDE = range(4)
 CLASS_NAMES = ("ground", "obstacle", "below the plane", "outside the box")

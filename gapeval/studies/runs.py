@@ -5,7 +5,7 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from gapeval.config import LogSection
+from gapeval.config import BodyBox, LogSection
 from gapeval.errors import GapevalError
 from gapeval.labels import read_labels
 from gapeval.logs.read import Recording, erring, read_recording
@@ -30,11 +30,11 @@ class Recordings:
     folder: Path
     opened: dict[tuple[Path, str], Recording]
 
-    def of(self, case: Case, settings: LogSection) -> Recording:
+    def of(self, case: Case, settings: LogSection, body: BodyBox | None = None) -> Recording:
         log = place(case, self.folder).log
-        key = log, settings.model_dump_json()
+        key = log, f"{settings.model_dump_json()} {body}"
         if key not in self.opened:
-            self.opened[key] = read_recording(log, settings)
+            self.opened[key] = read_recording(log, settings, body=body)
         return erring(self.opened[key], case.settings(settings))
 
 
@@ -51,7 +51,7 @@ def rows_of_run(
 
     Raises GapevalError where frames could not be evaluated.
     """
-    opened = [recordings.of(case, planned.config.log) for case in planned.cases]
+    opened = [recordings.of(case, planned.config.log, planned.config.robot.body) for case in planned.cases]
     if planned.run.kind == "time":
         return time_rows(planned, opened, advance, tell)
     if planned.run.kind == "bins":

@@ -9,16 +9,16 @@ from pathlib import Path
 
 import numpy as np
 
-from gapeval.config import LogSection
+from gapeval.config import BodyBox, LogSection
 from gapeval.errors import LogError
 from gapeval.logs.read.attitude import quality, up
 from gapeval.logs.read.container import Loss, naming
 from gapeval.logs.read.gathering import by_pass, gathered, one_by_one, thinned
 from gapeval.logs.read.matching import Frames, Refusals, check_matched, match, used_stamps
+from gapeval.logs.read.messages.pose_file import CALIBRATION, read_pose_file
 from gapeval.logs.read.passes import rotation
 from gapeval.logs.read.playback import measure_lowest_elevation
 from gapeval.logs.read.pose_error import error_of, errors_asked
-from gapeval.logs.read.pose_file import CALIBRATION, read_pose_file
 from gapeval.logs.read.preparation import Surveyed, survey_log
 from gapeval.logs.read.recording import Recording, Scans, Sources
 from gapeval.logs.read.samples import pose_edge, pose_topics
@@ -32,12 +32,16 @@ from gapeval.logs.read.survey import Headers, Progress, read_samples
 from gapeval.logs.read.transforms import Edge, TransformTree, find_path, lookup, make_edge, with_pose
 
 
-def read_recording(path: Path, settings: LogSection, progress: Progress | None = None) -> Recording:
+def read_recording(
+    path: Path, settings: LogSection, progress: Progress | None = None, body: BodyBox | None = None
+) -> Recording:
     """Everything about a log but its clouds, in one pass; progress: (messages read, all messages).
+
+    body: what of the clouds is the robot itself, which moves on while scans are gathered.
 
     Raises LogError, in one line, for what cannot be read, or leaves a choice that the user must make.
     """
-    return recording_of(survey_log(path, settings, progress), settings)
+    return replace(recording_of(survey_log(path, settings, progress), settings), body=body)
 
 
 def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:

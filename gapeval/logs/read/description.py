@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from gapeval.config import LogSection, RotatingLaser
 from gapeval.errors import LogError
 from gapeval.logs.read.assembly import recording_of
-from gapeval.logs.read.cloud import DATATYPES, PackedCloud, UnreadableCloudError, cloud_points
 from gapeval.logs.read.container import Container, Loss, Topic, ros1_type
-from gapeval.logs.read.content import UndecodableError, laser_scan, packed_cloud, role_of
+from gapeval.logs.read.containers.opening import open_container
 from gapeval.logs.read.laser import echoes
-from gapeval.logs.read.opening import open_container
-from gapeval.logs.read.point_time import TimeField, timed_points
+from gapeval.logs.read.messages.cloud import DATATYPES, PackedCloud, UnreadableCloudError, cloud_points
+from gapeval.logs.read.messages.content import UndecodableError, laser_scan, packed_cloud, role_of
+from gapeval.logs.read.messages.point_time import TimeField, timed_points
 from gapeval.logs.read.preparation import survey_log
 from gapeval.logs.read.recording import Recording
 from gapeval.logs.read.samples import build_tree, tf_topics

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gapeval.config import RotatingLaser
 from gapeval.frame import FloatArray
-from gapeval.logs.read.measurement import LaserScan
+from gapeval.logs.read.messages.measurement import LaserScan
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.errors import LogError
-from gapeval.frame import Frame, Transform, Viewpoint, sensor_angles
-from gapeval.logs.read.cloud import EMPTY, NO_POINT, Points, UnreadableCloudError, transformed
+from gapeval.frame import Frame, Transform, Viewpoint, of_body, sensor_angles
 from gapeval.logs.read.container import Container, Raw, Topic
-from gapeval.logs.read.content import cloud, laser_scan, timed_cloud
+from gapeval.logs.read.containers.opening import open_container
 from gapeval.logs.read.gathering import one_by_one
 from gapeval.logs.read.laser import echoes
-from gapeval.logs.read.message import UndecodableError
+from gapeval.logs.read.messages.cloud import EMPTY, NO_POINT, Points, UnreadableCloudError, transformed
+from gapeval.logs.read.messages.content import cloud, laser_scan, timed_cloud
+from gapeval.logs.read.messages.message import UndecodableError
 from gapeval.logs.read.motion import covers, moved
-from gapeval.logs.read.opening import open_container
 from gapeval.logs.read.quality import quality_at
 from gapeval.logs.read.recording import Recording, RefusedScan, Scans, Sources
 from gapeval.logs.read.survey import UNDECODABLE, ranked
@@ -225,6 +225,8 @@ def _frame(recording: Recording, index: int, parts: list[Decoded]) -> Frame | Re
             clouds.append(transformed(knots.at(0), points))
         else:
             clouds.append(moved(points, times, sources.times[member], knots).astype(np.float32))
+        if recording.body is not None and member != main:
+            clouds[-1] = clouds[-1][_not_body(recording, main, member, clouds[-1])]
         ends = [knots.at(knot) for knot in range(len(knots))]
         digests.append(scan_digest(int(sources.stamps[member]), points, (*ends, sensor, pose)))
     if not any(len(points) for points in clouds):
@@ -241,6 +243,18 @@ def _frame(recording: Recording, index: int, parts: list[Decoded]) -> Frame | Re
         up=_up(scans, index),
         quality=None if scans.quality is None else quality_at(scans.quality, index),
     )
+
+
+def _not_body(recording: Recording, main: int, member: int, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which points (N, 3), in the robot frame as it is at the cloud's stamp, are not of the robot as it was
+    when they were measured.
+    """
+    sources = recording.scans.sources
+    if sources.pose is None or recording.reference == recording.robot_frame:
+        return ~of_body(points, recording.body)
+    here, there = sources.pose.at(main), sources.pose.at(member)
+    own = there.apply_inverse(here.apply(points.astype(np.float64)))
+    return ~of_body(own.astype(np.float32), recording.body)
 
 
 def _knots(recording: Recording, index: int, member: int) -> Transforms:

@@ -8,13 +8,13 @@ import numpy as np
 
 from gapeval.config import LogSection
 from gapeval.errors import LogError
-from gapeval.logs.read.cloud import UnreadableCloudError
 from gapeval.logs.read.container import Container, Loss, Topic, naming
-from gapeval.logs.read.content import head_suffices, role_of, timed_cloud
-from gapeval.logs.read.foxglove_message import check_extra
+from gapeval.logs.read.containers.opening import open_container
 from gapeval.logs.read.laser import increment
-from gapeval.logs.read.message import UndecodableError
-from gapeval.logs.read.opening import open_container
+from gapeval.logs.read.messages.cloud import UnreadableCloudError
+from gapeval.logs.read.messages.content import head_suffices, role_of, timed_cloud
+from gapeval.logs.read.messages.foxglove_message import check_extra
+from gapeval.logs.read.messages.message import UndecodableError
 from gapeval.logs.read.samples import Samples, build_tree, pose_topics, tf_topics
 from gapeval.logs.read.selection import choose_cloud_topics, choose_pose_topic
 from gapeval.logs.read.survey import Headers, Progress, Survey, Window, take_survey

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gapeval.config import PoseError, PoseNoise, RotatingLaser
+from gapeval.config import BodyBox, PoseError, PoseNoise, RotatingLaser
 from gapeval.frame import FloatArray
 from gapeval.logs.read.container import Loss, Topic
 from gapeval.logs.read.transforms import Stamps, Transforms
@@ -93,8 +93,9 @@ class Recording:
     their stamps [ns]. Clouds that turn out to hold nothing are refused only when they are read.
     notices: what is worth telling, one line each. losses: what of the log could not be read.
     laser: how planar scans are read. deskew: whether points are moved by their own times.
-    checked: whether all of its clouds were there; of a large log that shows only when they are read. strict:
-    whether one that is not is an error.
+    body: what is the robot itself, dropped where it stood when each scan was made.
+    checked: whether all clouds were there; of a large log that shows only when they are read. strict: whether
+    one that is not is an error.
     pose_error, pose_noise: of robot<-cloud in the scans, made on purpose; None where there is none.
     """
 
@@ -120,6 +121,7 @@ class Recording:
     losses: tuple[Loss, ...] = ()
     laser: RotatingLaser = field(default_factory=RotatingLaser)
     deskew: bool = False
+    body: BodyBox | None = None
     checked: bool = True
     strict: bool = False
     pose_error: PoseError | None = None

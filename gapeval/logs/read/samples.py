@@ -9,7 +9,7 @@ from gapeval.config import StaticTransform
 from gapeval.errors import LogError
 from gapeval.frame import FloatArray
 from gapeval.logs.read.container import Raw, Topic
-from gapeval.logs.read.content import (
+from gapeval.logs.read.messages.content import (
     StampedPose,
     StampedTransform,
     orientation,
@@ -17,8 +17,8 @@ from gapeval.logs.read.content import (
     role_of,
     transforms,
 )
-from gapeval.logs.read.foxglove_message import foxglove_type
-from gapeval.logs.read.message import frame_of
+from gapeval.logs.read.messages.foxglove_message import foxglove_type
+from gapeval.logs.read.messages.message import frame_of
 from gapeval.logs.read.transforms import Edge, Holds, Stamps, TransformTree, make_edge
 
 SETTING = "log.transforms"

@@ -5,8 +5,8 @@ from collections.abc import Iterable, Sequence
 from gapeval.config import LogSection
 from gapeval.errors import LogError
 from gapeval.logs.read.container import Topic, ros1_type
-from gapeval.logs.read.content import role_of
-from gapeval.logs.read.message import POSE_TYPES, is_decodable
+from gapeval.logs.read.messages.content import role_of
+from gapeval.logs.read.messages.message import POSE_TYPES, is_decodable
 from gapeval.logs.read.samples import pose_topics
 from gapeval.logs.read.transforms import TransformTree, ancestors, find_path, frames
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gapeval.logs.read.container import Container, Raw, Topic
-from gapeval.logs.read.content import head, laser_scan, role_of
-from gapeval.logs.read.message import UndecodableError
-from gapeval.logs.read.opening import open_container
+from gapeval.logs.read.containers.opening import open_container
+from gapeval.logs.read.messages.content import head, laser_scan, role_of
+from gapeval.logs.read.messages.message import UndecodableError
 from gapeval.logs.read.samples import Samples, add_message, is_static_topic
 
 Progress = Callable[[int, int], None]

@@ -69,7 +69,7 @@ class Sources:
         if content_digest(file.path) != file.sha256:
             return Source(None, None, f"{file.path} is not what was swept: its content has changed")
         try:
-            recording = read_recording(file.path, self._config.log)
+            recording = read_recording(file.path, self._config.log, body=self._config.robot.body)
         except GapevalError as error:
             return Source(None, None, str(error))
         labels, unlabelled = _labels(drawn)

@@ -1,0 +1,1 @@
+"""Files and folders that hold logs -> raw messages, whole or broken."""

@@ -1,0 +1,1 @@
+"""Raw messages, in any encoding -> what they say."""
