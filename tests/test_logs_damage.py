@@ -1,5 +1,6 @@
 """Broken logs are read as far as their bytes allow, and what was lost is told, once."""
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -23,8 +24,11 @@ from damage import (
 )
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from logs_writer import clouds, driving, lidar, write_sorted
 
+from gapeval.config import LogSection
 from gapeval.errors import LogError
+from gapeval.logs.read import read_recording
 from gapeval.logs.read.container import HEAD, Loss
 from gapeval.logs.read.containers.losses import BAD_CHECKSUM
 from gapeval.logs.read.containers.opening import open_container
@@ -143,3 +147,18 @@ def test_a_loss_says_what_where_and_when(tmp_path):
     with open_container(case.path) as container:
         list(container.messages({"/points"}, max(times) + 1, None))
         assert container.losses == []
+
+
+def test_the_survey_of_a_log_looks_at_every_checksum(tmp_path):
+    """Also of plain chunks, whose heads alone could be read: what is in a bad one is used for nothing."""
+    path = write_sorted(tmp_path / "log.mcap", lidar(), driving(), clouds(), container="mcap-none")
+    data = bytearray(path.read_bytes())
+    at = data.index(b"base_link", len(data) // 2)
+    data[at : at + 4] = b"BASE"
+    path.write_bytes(data)
+    recording = read_recording(path, LogSection())
+    (loss,) = recording.losses
+    assert loss.reason == "a chunk does not match its checksum (CRC)"
+    strict = f"{path}: not whole: {loss}; leave out --strict to use the rest"
+    with pytest.raises(LogError, match=re.escape(strict)):
+        read_recording(path, LogSection(strict=True))

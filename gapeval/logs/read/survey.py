@@ -116,14 +116,18 @@ def take_survey(
             _add_other(samples, topic, raw, broken)
             advance()
 
-    whole = tuple(name for name in cloud_topics if name not in heads)
+    def read_all(names: tuple[str, ...], of: Window) -> Iterator[tuple[Topic, int, Raw]]:
+        if not heads:  # with every checksum looked at
+            return container.messages(names, of.start, of.stop)
+        whole = [name for name in names if name not in heads]
+        return container.heads([name for name in names if name in heads], whole, of.start, of.stop)
+
     if window == Window():
-        messages = container.heads(heads, (*whole, *others), None, None)
+        messages = read_all((*cloud_topics, *others), window)
     else:
-        beside = window.beside
-        add_others(container.heads((), static, None, beside.stop))
-        add_others(container.heads((), moving, beside.start, beside.stop))
-        messages = container.heads(heads, whole, window.start, window.stop)
+        add_others(read_all(static, Window(None, window.beside.stop)))
+        add_others(read_all(moving, window.beside))
+        messages = read_all(cloud_topics, window)
     for topic, time, rank, raw in ranked(messages):
         index = read[topic.name]
         read[topic.name] += 1
