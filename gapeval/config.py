@@ -262,6 +262,12 @@ class RotatingLaser(Section):
     echo: Literal["first", "last", "strongest"] = "first"
     """of MultiEchoLaserScan"""
 
+    @model_validator(mode="after")
+    def range_is_ordered(self) -> Self:
+        if self.range is not None and not 0 <= self.range[0] < self.range[1]:
+            raise ValueError(f"range must be [low, high] from 0 on, not {list(self.range)}")
+        return self
+
 
 class LogSection(Section):
     """How a log is read; see logs.md."""

@@ -140,6 +140,15 @@ def test_the_users_time_from_beam_to_beam_wins():
     assert found.nanoseconds.tolist() == [0, 20_000, 40_000]
 
 
+@pytest.mark.parametrize("no_time", [-1e-3, math.nan, math.inf, -math.inf])
+def test_a_time_increment_that_is_no_time_counts_as_none(no_time):
+    assert echoes(a_scan([1, 2, 3], time_increment=no_time), RotatingLaser()).nanoseconds.tolist() == [
+        0,
+        0,
+        0,
+    ]
+
+
 @pytest.mark.parametrize(("echo", "expected"), [("first", [1, 4]), ("last", [3, 4]), ("strongest", [2, 4])])
 def test_one_echo_of_each_beam(echo, expected):
     ranges = [[3.0, 2.0, 1.0], [math.nan, 4.0, math.nan], [math.nan] * 3]

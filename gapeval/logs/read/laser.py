@@ -40,9 +40,9 @@ def echoes(scan: LaserScan, settings: RotatingLaser) -> Echoes:
 
 
 def increment(own: float, settings: RotatingLaser) -> float:
-    """Seconds from beam to beam: the user's word, else the scan's; 0 for what is no time."""
+    """Seconds from beam to beam: the user's word, else the scan's; 0 for what is no time to come."""
     chosen = own if settings.time_increment is None else settings.time_increment
-    return chosen if np.isfinite(chosen) else 0.0
+    return chosen if np.isfinite(chosen) and chosen > 0 else 0.0
 
 
 def beam_times(beams: int, seconds: float) -> NDArray[np.int64]:
