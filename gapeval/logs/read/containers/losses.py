@@ -21,6 +21,7 @@ ODD_ROW = "a row of the database is no message"
 MISSING_ROWS = "rows are missing from the database"
 BROKEN_CHAIN = "a message's pages in the database do not hang together"
 CUT_DATABASE = "the database is cut: its last pages are not there"
+UNFINISHED_WAL = "what was written last was never finished, or is damaged"
 WAL_LEFT = "the database is damaged, so what is in its -wal file was not read"
 
 

@@ -31,16 +31,19 @@ from gapeval.logs.read.containers.losses import (
     INDEX_LIES,
     ODD_ROW,
     UNDESCRIBED,
+    UNFINISHED_WAL,
     WAL_LEFT,
     Losses,
 )
 from gapeval.logs.read.containers.raw_file import raw_file
 from gapeval.logs.read.containers.sqlite_salvage import Described, Salvaged, is_cut, read_payload, salvaged
+from gapeval.logs.read.containers.sqlite_wal import read_wal
 
 KIND = "rosbag2 sqlite3"
 MAGIC = b"SQLite format 3\0"
 ADVICE = "record it again"
 CACHE = 16  # pages
+COPIED = 1 << 28  # bytes of a database that is copied to read it with its -wal
 DAMAGED = "the database is damaged, so its pages were read one by one"
 
 Fetch = Callable[[int, int], Raw]  # rowid and length of a message -> its data, or as much as is needed of it
@@ -68,7 +71,7 @@ def open_sqlite_file(path: Path) -> Iterator[Container]:
     with ExitStack() as stack:
         notices: tuple[str, ...] = ()
         with library_errors(path, KIND, ADVICE):
-            database = stack.enter_context(_database(path))
+            database = stack.enter_context(_database(path, losses))
             log = _Log(path, database, {}, losses)
             try:
                 _check_size(path)
@@ -92,12 +95,18 @@ def open_sqlite_file(path: Path) -> Iterator[Container]:
 
 
 @contextmanager
-def _database(path: Path) -> Iterator[sqlite3.Connection]:
+def _database(path: Path, losses: Losses) -> Iterator[sqlite3.Connection]:
     """A connection that writes nothing at all."""
     wal = path.with_name(path.name + "-wal")
     with ExitStack() as stack:
-        if not (wal.exists() and wal.stat().st_size):
+        written = read_wal(wal) if wal.exists() and wal.stat().st_size else None
+        if written is not None and written.left_over:
+            losses.add(Loss(wal.name, UNFINISHED_WAL, written.left_over))
+        if written is None or not written.finished:
+            # sqlite takes away a -wal in which nothing is finished, also from whoever is still writing it.
             database = stack.enter_context(closing(_connected(path, "immutable=1")))
+        elif path.stat().st_size + written.size <= COPIED:
+            database = stack.enter_context(_copied(path, wal))
         else:
             try:
                 # Opened as immutable, what is in the -wal would be missing. Alone with the file, and without
@@ -107,12 +116,20 @@ def _database(path: Path) -> Iterator[sqlite3.Connection]:
                 database.execute("SELECT count(*) FROM sqlite_master").fetchall()
             except sqlite3.OperationalError:
                 # Not everywhere is such a way to files.
-                copy = Path(stack.enter_context(TemporaryDirectory(prefix="gapeval-")), path.name)
-                shutil.copyfile(path, copy)
-                shutil.copyfile(wal, copy.with_name(wal.name))
-                database = stack.enter_context(closing(_connected(copy, "mode=rw")))
+                database = stack.enter_context(_copied(path, wal))
         database.text_factory = lambda text: text.decode("utf-8", "replace")
         yield database
+
+
+@contextmanager
+def _copied(path: Path, wal: Path) -> Iterator[sqlite3.Connection]:
+    """A connection to a copy of a database and its -wal."""
+    with TemporaryDirectory(prefix="gapeval-") as folder:
+        copy = Path(folder, path.name)
+        shutil.copyfile(path, copy)
+        shutil.copyfile(wal, copy.with_name(wal.name))
+        with closing(_connected(copy, "mode=rw")) as database:
+            yield database
 
 
 def _check_size(path: Path) -> None:
