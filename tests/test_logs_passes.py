@@ -37,7 +37,7 @@ def swing(rests, extent=math.pi / 2, rate=1.2, step=0.02):
     return np.concatenate(parts)
 
 
-@given(st.lists(st.integers(0, 200), min_size=1, max_size=6), st.floats(0.2, math.pi / 2))
+@given(st.lists(st.integers(0, 200), min_size=3, max_size=6), st.floats(0.2, math.pi / 2))
 def test_each_way_of_a_swing_is_a_pass(rests, extent):
     angles = swing(rests, extent)
     found = passes(angles, stamps_of(len(angles)))
@@ -64,6 +64,21 @@ def test_a_pass_that_the_log_cuts_is_incomplete():
     angles = swing([0, 0, 0])[60:]
     found = passes(angles, stamps_of(len(angles)))
     assert [one.is_whole for one in found] == [False, True, True]
+
+
+@pytest.mark.parametrize(("part", "whole"), [(0.2, False), (0.6, False), (1.0, True)])
+def test_a_pass_that_is_alone_is_whole_only_if_it_sees_all_around(part, whole):
+    """Nothing says then how far the laser usually turns; half a turn sees all."""
+    angles = swing([0])[: round(part * len(swing([0])))]
+    assert [one.is_whole for one in passes(angles, stamps_of(len(angles)))] == [whole]
+
+
+def test_a_laser_that_went_round_after_a_rest_is_cut_into_halves():
+    angles = np.concatenate([np.full(100, 0.3), 0.3 + np.arange(0, 4.2 * math.pi, 0.03)])
+    whole = [one for one in passes(angles, stamps_of(len(angles))) if one.is_whole]
+    assert len(whole) >= 3
+    for one in whole:
+        assert np.ptp(angles[one.first : one.last]) == pytest.approx(math.pi, rel=0.21)
 
 
 def test_scans_that_are_missing_end_a_pass():

@@ -64,6 +64,11 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
         picked = Frames(robot, fixed, None if settings.sensor_frame is None else sensor, reference)
         sources, refusals = match(headers, surveyed.offsets, tree, picked, settings)
         check_matched(len(sources), headers, refusals, tree, settings)
+        told_apart: tuple[str, ...] = ()
+        if surveyed.planar or len(surveyed.cloud_topics) > 1:
+            told_apart = _told(refusals)
+            _check_every_topic(surveyed, sources, told_apart)
+            refusals = Refusals()
         scans, total, notices = _clouds(surveyed, settings, sources, tree, robot, refusals)
         scans = thinned(scans, settings.every)
         attitude, told = up(surveyed, settings, scans, tree, robot)
@@ -87,7 +92,7 @@ def recording_of(surveyed: Surveyed, settings: LogSection) -> Recording:
         total=total,
         refused=refusals.counts,
         examples=refusals.examples,
-        notices=(*surveyed.notices, *notices, *told),
+        notices=(*surveyed.notices, *told_apart, *notices, *told),
         losses=surveyed.losses,
         laser=settings.laser,
         deskew=settings.deskew,
@@ -152,6 +157,19 @@ def _reference(surveyed: Surveyed, settings: LogSection, robot: str, fixed: str 
     return fixed if gathers and fixed is not None else robot
 
 
+def _told(refusals: Refusals) -> tuple[str, ...]:
+    """Messages that no cloud is made of; a cloud is made of many, so they are not counted as clouds."""
+    return tuple(f"left out {count} scans: {reason}" for reason, count in refusals.counts.items())
+
+
+def _check_every_topic(surveyed: Surveyed, sources: Sources, told: tuple[str, ...]) -> None:
+    """Raises LogError where nothing of a topic can be used."""
+    for number, name in enumerate(surveyed.cloud_topics):
+        if not (sources.topics == number).any():
+            reasons = "; ".join(told) or "it has no message there"
+            raise LogError(f"nothing on {name} can be used ({reasons}); mend that, or leave {name} out")
+
+
 def _check_turning(
     surveyed: Surveyed, settings: LogSection, tree: TransformTree, robot: str, frame: str
 ) -> None:
@@ -190,9 +208,10 @@ def _clouds(
         assert turning is not None
         found = by_pass(sources, turning.transforms, refusals)
         scans, total = found.scans, found.found
+        least, most = np.rad2deg(found.extents)
         notices.append(
-            f"{names[0]}: {len(sources)} planar scans, {found.found} passes of the laser, "
-            f"{found.resting} scans in none of them"
+            f"{names[0]}: {len(sources)} planar scans, {found.found} passes of the laser, the whole ones of "
+            f"{least:.0f} to {most:.0f} deg, {found.resting} scans in none of them"
         )
         if not surveyed.offsets[:, 1].any():
             notices.append(

@@ -21,12 +21,13 @@ Indices = NDArray[np.int64]
 @dataclass(frozen=True, slots=True, eq=False)
 class Passes:
     """Sources whose mount does not turn with the laser any more, the clouds of the whole passes, and what
-    was found: passes, and scans in none of them.
+    was found: passes, scans in none of them, and how far the whole ones go [rad], least and most.
     """
 
     scans: Scans
     found: int
     resting: int
+    extents: tuple[float, float]
 
 
 def one_by_one(sources: Sources, topic: int = 0) -> Scans:
@@ -42,7 +43,7 @@ def by_pass(sources: Sources, turning: Transforms, refusals: Refusals) -> Passes
     """
     found = rotation(turning.quaternion)
     if found is None:  # too few scans are left of a laser that turns
-        return Passes(_clouds_of(sources, []), 0, len(sources))
+        return Passes(_clouds_of(sources, []), 0, len(sources), (0.0, 0.0))
     every = passes(found.angles, sources.stamps)
     cut = [one for one in every if not one.is_whole]
     refusals.add(INCOMPLETE, sources.stamps[[one.last - 1 for one in cut]])
@@ -50,9 +51,9 @@ def by_pass(sources: Sources, turning: Transforms, refusals: Refusals) -> Passes
         mount = Transforms(sources.sensor.translation, untwisted(turning.quaternion, found.axis))
         sources = replace(sources, sensor=mount)
     whole = [one for one in every if one.is_whole]
-    return Passes(
-        _clouds_of(sources, whole), len(every), len(sources) - sum(one.last - one.first for one in every)
-    )
+    resting = len(sources) - sum(one.last - one.first for one in every)
+    extents = [float(np.ptp(found.angles[one.first : one.last])) for one in whole] or [0.0]
+    return Passes(_clouds_of(sources, whole), len(every), resting, (min(extents), max(extents)))
 
 
 def _clouds_of(sources: Sources, every: list[Pass]) -> Scans:

@@ -59,12 +59,20 @@ def passes(angles: FloatArray, stamps: Stamps) -> list[Pass]:
     extents = np.array([_extent(angles, run) for run in runs])
     if not len(extents):
         return []
-    usual = np.median(extents[extents >= WHOLE * extents.max()])
+    # What the log begins or ends with, or what scans are missing of, says nothing of what is usual.
+    whole = np.array([_is_bounded(run, len(angles)) for run in runs])
+    known = extents[whole & (extents >= WHOLE * extents.max())]
+    usual = np.median(known) if len(known) else max(np.pi, extents.max())
     return [
         Pass(run.start, run.stop, bool(extent >= WHOLE * usual))
         for run, extent in zip(runs, extents, strict=True)
         if extent >= SLIVER * usual
     ]
+
+
+def _is_bounded(run: range, count: int) -> bool:
+    """Whether scans were made before and after it: else the log may have cut it."""
+    return run.start > 0 and run.stop < count
 
 
 def untwisted(quaternions: FloatArray, axis: FloatArray) -> FloatArray:

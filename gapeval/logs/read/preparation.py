@@ -22,6 +22,7 @@ from gapeval.logs.read.transforms import Stamps, TransformTree
 
 KNOT = 5_000_000  # ns between two transforms of one deskewed cloud
 LARGE = 4 << 30  # bytes
+LASTS = 1.5  # times the time between two measurements; what takes longer has wrong times
 LOOKED_AT = 10  # clouds whose points' times are looked at beforehand
 
 
@@ -119,6 +120,9 @@ def _offsets(
     if role_of(clouds[0]) == "laser":
         seconds = np.array([increment(own, settings.laser) for own in headers.increments.tolist()])
         span = np.round(np.maximum(headers.beams - 1, 0) * seconds * 1e9).astype(np.int64)
+        _check_lasting(
+            clouds[0].name, "a scan", int(span.max(initial=0)), headers.stamps, "log.laser.time_increment"
+        )
         return np.column_stack([np.zeros(count, dtype=np.int64), span])
     if not settings.deskew:
         return np.zeros((count, 1), dtype=np.int64)
@@ -129,6 +133,18 @@ def _offsets(
     knots = max(2, *(math.ceil((last - first) / KNOT) + 1 for first, last in spans))
     table = np.array([np.linspace(*span, knots) for span in spans])
     return np.round(table).astype(np.int64)[headers.topics]
+
+
+def _check_lasting(name: str, what: str, span: int, stamps: Stamps, setting: str) -> None:
+    """Raises LogError where one measurement would go on long after the next has begun; span: [ns]."""
+    if len(stamps) < 2:
+        return
+    period = int(np.median(np.diff(np.sort(stamps))))
+    if span > LASTS * period:
+        raise LogError(
+            f"{what} on {name} would last {span / 1e9:.3g} s by the times in it, and they come every "
+            f"{period / 1e9:.3g} s; mend it with {setting}"
+        )
 
 
 def _measured_span(container: Container, name: str, window: Window, stamps: Stamps) -> tuple[int, int]:
@@ -150,6 +166,7 @@ def _measured_span(container: Container, name: str, window: Window, stamps: Stam
     if not firsts:
         raise LogError(f"log.deskew needs the time of each point of {name} ({why}); leave it out")
     span = max(lasts) - min(firsts)
+    _check_lasting(name, "a cloud", span, stamps, "the recording, or leave out log.deskew")
     room = max(span // 50, 10**5)  # a turn is not always equally long
     period = int(np.median(np.diff(stamps))) if len(stamps) > 1 else 0
     # Where turn follows turn, part of one may have had no echo in the first clouds.
