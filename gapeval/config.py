@@ -280,9 +280,9 @@ class LogSection(Section):
     deskew: bool = False
     """move each point by the time it was measured at to where it is at the cloud's stamp"""
     laser: RotatingLaser = RotatingLaser()
-    start: Finite | None = None
+    start: NotNegative | None = None
     """s from the log's beginning; earlier clouds are left out"""
-    end: Finite | None = None
+    end: NotNegative | None = None
     """s from the log's beginning; later clouds are left out"""
     every: Annotated[int, Field(ge=1)] = 1
     """only each so manieth cloud"""
@@ -314,6 +314,12 @@ class LogSection(Section):
     """what poses that are wrong by chance would do; see simulation.md"""
     lowest_elevation: dict[str, float] = {}
     """rad, the sensor's lowest ray by file name; measured where absent, and written to config.yaml"""
+
+    @model_validator(mode="after")
+    def end_is_not_before_start(self) -> Self:
+        if self.start is not None and self.end is not None and self.end < self.start:
+            raise ValueError(f"end {self.end:g} is before start {self.start:g}")
+        return self
 
 
 class Domain(Section):

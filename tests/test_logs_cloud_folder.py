@@ -431,7 +431,7 @@ def test_pose_files_that_are_none(tmp_path, text, reason):
         read_pose_file(path, stamps=[1])
     assert str(caught.value).startswith(f"{path}: ")
     assert reason in str(caught.value)
-    with pytest.raises(LogError, match="cannot be read as text"):
+    with pytest.raises(LogError, match="cannot be read: No such file"):
         read_pose_file(tmp_path / "none.txt")
 
 

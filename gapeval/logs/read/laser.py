@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from gapeval.config import RotatingLaser
 from gapeval.frame import FloatArray
 from gapeval.logs.read.messages.measurement import LaserScan
+from gapeval.logs.read.messages.message import UndecodableError
+
+WIDEST = 2 * np.pi + 0.1  # rad; no planar scan sees more than all around
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +40,15 @@ def echoes(scan: LaserScan, settings: RotatingLaser) -> Echoes:
         points = scan.pose.apply(points)
     when = beam_times(len(ranges), increment(scan.time_increment, settings))[kept]
     return Echoes(points, when, int(len(ranges) - seen.sum()), int(seen.sum() - kept.sum()))
+
+
+def require_angles(scan: LaserScan) -> None:
+    """Raises UndecodableError for a scan that does not say where its beams point."""
+    turned = scan.angle_increment * max(len(scan.ranges) - 1, 1)
+    if not (np.isfinite(scan.angle_min + turned) and 0 < abs(turned) <= WIDEST):
+        raise UndecodableError(
+            f"its beams are {scan.angle_increment:g} rad apart, {len(scan.ranges)} of them"
+        )
 
 
 def increment(own: float, settings: RotatingLaser) -> float:

@@ -99,19 +99,16 @@ def match(
             refusals.add(f"cloud in {name}, which is not a laser's own frame", stamps[rows])
             good &= ~rows
             continue
-        for knot in range(width):
-            column = _Column(cloud, knot, width, stamps + offsets[:, knot])
-            pair = (picked.reference, name)
-            good = _fill(column, good, good & (names == name), tree, pair, stamps, settings, refusals)
-        column = _Column(sensor, 0, 1, stamps)
-        good = _fill(
-            column, good, good & (names == name), tree, (picked.robot, own), stamps, settings, refusals
-        )
+        for column, times, pair in (
+            (cloud, stamps[:, None] + offsets, (picked.reference, name)),
+            (sensor, stamps[:, None], (picked.robot, own)),
+        ):
+            good = _fill(column, times, good, good & (names == name), tree, pair, settings, refusals)
     pose = None
     if picked.fixed is not None:
         pose = Transforms.identity(count)
         pair = (picked.fixed, picked.robot)
-        good = _fill(_Column(pose, 0, 1, stamps), good, good, tree, pair, stamps, settings, refusals)
+        good = _fill(pose, stamps[:, None], good, good, tree, pair, settings, refusals)
     return _sources(headers, stamps, offsets, good, cloud, sensor, pose), refusals
 
 
@@ -175,49 +172,46 @@ def _seconds(span: tuple[int, int], *spans: tuple[int, int]) -> str:
     return f"{(span[0] - base) / 1e9:.1f}-{(span[1] - base) / 1e9:.1f} s"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Column:
-    """Every `width`-th row of transforms, from `first` on: one for each message, at a time (n,) [ns] each."""
-
-    transforms: Transforms
-    first: int
-    width: int
-    times: Stamps
-
-    def write(self, rows: Good, found: Transforms) -> None:
-        places = self.first + self.width * np.flatnonzero(rows)
-        self.transforms.translation[places] = found.translation
-        self.transforms.quaternion[places] = found.quaternion
-
-
 def _fill(
-    column: _Column,
+    column: Transforms,
+    times: Stamps,
     good: Good,
     rows: Good,
     tree: TransformTree,
     pair: tuple[str, str],
-    stamps: Stamps,
     settings: LogSection,
     refusals: Refusals,
 ) -> Good:
-    """Writes target<-source into the rows that have it; returns which rows are still good."""
+    """Writes target<-source at the times (n, K) of rows that have it at each; returns which are still good.
+
+    column: (n * K,); the first of a row's times is its stamp, or near it.
+    """
     target, source = pair
-    found = lookup(tree, target, source, column.times[rows], settings.max_tf_gap)
+    width = times.shape[1]
+    asked = np.flatnonzero(rows)
+    found = lookup(tree, target, source, times[asked].ravel(), settings.max_tf_gap)
     good = good.copy()
     if found is None:
         refusals.add(
-            f"no transform {target}<-{source}: not connected", stamps[rows], Missing(target, source, APART)
+            f"no transform {target}<-{source}: not connected",
+            times[asked, 0],
+            Missing(target, source, APART),
         )
-        good[rows] = False
+        good[asked] = False
         return good
+    reasons, distances = found.reasons.reshape(-1, width), found.distances.reshape(-1, width)
+    left = np.ones(len(asked), dtype=np.bool_)
     for why, text in REASONS.items():
-        failed = found.reasons == why
+        failed = (reasons == why).any(axis=1) & left
+        left &= ~failed
         if failed.any():
-            worst = found.distances[failed].max() / 1e9
+            worst = distances[failed][reasons[failed] == why].max() / 1e9
             reason = f"no transform {target}<-{source} at their stamps: tf {text.format(f'{worst:.3g}')}"
-            refusals.add(reason, stamps[rows][failed], Missing(target, source, why))
-    column.write(rows, found.transforms)
-    good[np.flatnonzero(rows)[~found.valid]] = False
+            refusals.add(reason, times[asked[failed], 0], Missing(target, source, why))
+    places = (asked[:, None] * width + np.arange(width)).ravel()
+    column.translation[places] = found.transforms.translation
+    column.quaternion[places] = found.transforms.quaternion
+    good[asked[~left]] = False
     return good
 
 

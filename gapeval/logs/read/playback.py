@@ -195,10 +195,18 @@ def _decoded(recording: Recording, source: int, topic: Topic, raw: Raw) -> Decod
             return Part(cloud(topic, raw), None)
         timed = timed_cloud(topic, raw)
     except UndecodableError as error:
-        return RefusedScan(stamp, UNDECODABLE, str(error))
+        refused = RefusedScan(stamp, UNDECODABLE, str(error))
     except UnreadableCloudError as error:
-        return RefusedScan(stamp, error.reason, error.detail)
-    return Part(timed.points, stamp + timed.nanoseconds)
+        refused = RefusedScan(stamp, error.reason, error.detail)
+        if error.reason in (EMPTY, NO_POINT):
+            return refused
+    else:
+        return Part(timed.points, stamp + timed.nanoseconds)
+    if recording.strict:
+        raise LogError(
+            f"{recording.path}: not whole: stamp {stamp}: {refused}; leave out --strict for the rest"
+        )
+    return refused
 
 
 def _frame(recording: Recording, index: int, parts: list[Decoded]) -> Frame | RefusedScan:

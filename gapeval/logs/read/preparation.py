@@ -80,6 +80,10 @@ def survey_log(path: Path, settings: LogSection, progress: Progress | None = Non
             Loss(path.name, f"fewer messages on {name} than the log's own statistics say", messages=count)
             for name, count in survey.lacking.items()
         )
+        losses += tuple(
+            Loss(path.name, f"messages on {name} that cannot be decoded", messages=count)
+            for name, count in survey.broken.items()
+        )
     samples: Samples = {key: rows for key, rows in survey.samples.items() if key[2] in tf}
     tree, notices = build_tree(samples, settings.transforms, opened.topics)
     notices = (*opened.notices, *survey.notices, *notices)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gapeval.logs.read.container import Container, Raw, Topic
 from gapeval.logs.read.containers.opening import open_container
+from gapeval.logs.read.laser import require_angles
 from gapeval.logs.read.messages.content import head, laser_scan, role_of
 from gapeval.logs.read.messages.message import UndecodableError
 from gapeval.logs.read.samples import Samples, add_message, is_static_topic
@@ -75,12 +76,15 @@ class _Rows:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Survey:
-    """lacking: topic -> messages that the log's own statistics name and that were not there."""
+    """lacking: topic -> messages that the log's own statistics name and that were not there; broken: topic ->
+    messages that cannot be decoded.
+    """
 
     headers: Headers
     samples: Samples
     notices: tuple[str, ...]
     lacking: dict[str, int]
+    broken: dict[str, int]
 
 
 def take_survey(
@@ -137,7 +141,7 @@ def take_survey(
             _add_other(samples, topic, raw, broken)
         advance()
     known = expected if window == Window() else read
-    return Survey(_headers(clouds), samples, _notices(known, read, broken), dict(known - read))
+    return Survey(_headers(clouds), samples, _notices(known, read), dict(known - read), dict(broken))
 
 
 def read_samples(path: Path, topic: str, window: Window) -> Samples:
@@ -174,6 +178,7 @@ def _add_cloud(
     try:
         if role_of(topic) == "laser":
             scan = laser_scan(topic, raw)
+            require_angles(scan)
             stamp, frame = scan.stamp, scan.frame
             beams, increment = len(scan.ranges), scan.time_increment
         else:
@@ -206,15 +211,9 @@ def _headers(clouds: _Rows) -> Headers:
     )
 
 
-def _notices(expected: Counter[str], read: Counter[str], broken: Counter[str]) -> tuple[str, ...]:
-    notices = []
-    for name in sorted(expected):
-        if read[name] > expected[name]:
-            notices.append(
-                f"{name}: {read[name]} messages read, the log's own statistics say {expected[name]}"
-            )
-        if broken[name]:
-            notices.append(
-                f"{name}: {broken[name]} of {read[name]} messages cannot be decoded and are left out"
-            )
-    return tuple(notices)
+def _notices(expected: Counter[str], read: Counter[str]) -> tuple[str, ...]:
+    return tuple(
+        f"{name}: {read[name]} messages read, the log's own statistics say {expected[name]}"
+        for name in sorted(expected)
+        if read[name] > expected[name]
+    )

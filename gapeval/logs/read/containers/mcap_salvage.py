@@ -63,7 +63,7 @@ def walked(file: RawFile, losses: Losses) -> Index:
         at = _step(walk, at)
     _tell_gap(walk, None)
     if not (walk.closed or walk.cut):
-        losses.add(Loss(file.path.name, CUT, 0, None, walk.last, None))
+        losses.add(Loss(file.path.name, CUT, None, None, walk.last, None))
     if walk.checksum and walk.unchecked and walk.checksum != data_checksum(file):
         walk.index.notices += (_UNTOLD,)
     return walk.index

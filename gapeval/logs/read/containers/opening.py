@@ -17,14 +17,17 @@ from gapeval.logs.read.containers.rosbag2_folder import METADATA, open_rosbag2_f
 from gapeval.logs.read.containers.sqlite_file import open_sqlite_file
 
 MAGIC_LENGTH = 16
+KITTI = "velodyne"  # where the clouds of a KITTI sequence are
 KNOWN = "a ROS 1 bag, a rosbag2 folder, a .db3, an MCAP file or a folder of clouds"
 
 
 def open_container(path: Path) -> AbstractContextManager[Container]:
     """An open log. Raises LogError, in one line, for what is missing, no log, or damaged."""
     if path.is_dir():
-        if not (path / METADATA).exists() and is_cloud_folder(path):
-            return open_cloud_folder(path)
+        if not (path / METADATA).exists():
+            for folder in (path, path / KITTI):
+                if folder.is_dir() and is_cloud_folder(folder):
+                    return open_cloud_folder(folder)
         return open_rosbag2_folder(path, open_file)
     return open_file(path)
 

@@ -26,6 +26,7 @@ from gapeval.logs.read.containers.ros1_records import (
     Record,
     RecordError,
     connection,
+    number,
     record_at,
 )
 
@@ -51,8 +52,17 @@ def walked(file: RawFile, losses: Losses) -> Index:
         at = _step(walk, at)
     _tell_gap(walk, None)
     if not (walk.closed or walk.cut):
-        losses.add(Loss(file.path.name, CUT, 0, None, walk.last, None))
+        losses.add(Loss(file.path.name, CUT, _missing(file) or None, None, walk.last, None))
     return walk.index
+
+
+def _missing(file: RawFile) -> int:
+    """Bytes that the header of a bag says were there before its index, and that are not."""
+    try:
+        head = record_at(file, len(FIRST))
+        return max(number(head.fields, b"index_pos", 8) - file.size, 0) if head.op == Op.BAG else 0
+    except (RecordError, CutError):
+        return 0
 
 
 def _step(walk: _Walk, at: int) -> int:
@@ -148,7 +158,7 @@ def _take_cut(walk: _Walk, at: int) -> None:
         _add(walk, at, counts, times)
     _tell_gap(walk, None)
     walk.cut = True
-    walk.losses.add(Loss(file.path.name, CUT, size, None, walk.last, None))
+    walk.losses.add(Loss(file.path.name, CUT, size + _missing(file), None, walk.last, None))
 
 
 def _add(walk: _Walk, offset: int, counts: dict[int, int], times: list[int]) -> None:

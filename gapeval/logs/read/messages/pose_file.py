@@ -79,8 +79,10 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """(number, words) of each line that is neither empty nor a comment."""
     try:
         text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: cannot be read as text: {error}") from error
+    except OSError as error:
+        raise LogError(f"{path}: cannot be read: {error.strerror}; name a file of poses") from error
+    except UnicodeDecodeError as error:
+        raise LogError(f"{path}: no text; give a file of TUM or KITTI poses") from error
     lines = enumerate(text.splitlines(), start=1)
     return [
         (number, line.replace(",", " ").split())
