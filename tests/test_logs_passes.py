@@ -14,7 +14,7 @@ from moving_robot import SECOND, START, into_robot, poses, scan, tf
 from gapeval.config import LogSection, RotatingLaser
 from gapeval.frame import Transform, rotation_matrices
 from gapeval.logs.read import read_recording
-from gapeval.logs.read.laser import echoes, grazing
+from gapeval.logs.read.laser import beam_times, echoes, grazing, increment, last_beam
 from gapeval.logs.read.messages.measurement import LaserScan
 from gapeval.logs.read.motion import moved
 from gapeval.logs.read.passes import passes, rotation, untwisted
@@ -140,12 +140,42 @@ def test_the_users_time_from_beam_to_beam_wins():
     assert found.nanoseconds.tolist() == [0, 20_000, 40_000]
 
 
+@pytest.mark.parametrize("own", [math.nan, math.inf, -math.inf, 1e30, -1e30])
+def test_what_is_no_time_counts_as_none(own):
+    found = echoes(a_scan([1, 2, 3], time_increment=own), RotatingLaser())
+    assert found.nanoseconds.tolist() == [0, 0, 0]
+    assert last_beam(3, increment(own, RotatingLaser(time_increment=2e-5))) == 40_000
+
+
 @pytest.mark.parametrize(("echo", "expected"), [("first", [1, 4]), ("last", [3, 4]), ("strongest", [2, 4])])
 def test_one_echo_of_each_beam(echo, expected):
     ranges = [[3.0, 2.0, 1.0], [math.nan, 4.0, math.nan], [math.nan] * 3]
     strength = np.array([[1.0, 9.0, math.nan], [0.0, 1.0, 99.0], [0.0, 0.0, 0.0]])
     found = echoes(a_scan(ranges, intensities=strength), RotatingLaser(echo=echo))
     assert np.hypot(found.points[:, 0], found.points[:, 1]) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("echo", "expected"), [("first", [2, 5, 3]), ("last", [7, 5, 4]), ("strongest", [7, 5, 3])]
+)
+def test_echoes_that_are_no_measurements_do_not_hide_others(echo, expected):
+    """Some drivers fill up with 0 or with more than range_max; a strength may be unknown."""
+    ranges = [[0.0, 2.0, 7.0, 65.5], [0.02, 5.0, 40.0, math.inf], [math.nan, 3.0, 4.0, math.nan]]
+    strength = np.array([[99, 1, 5, 99], [99, 1, 99, 0], [math.nan] * 4])
+    found = echoes(a_scan(ranges, intensities=strength), RotatingLaser(echo=echo))
+    assert np.hypot(found.points[:, 0], found.points[:, 1]) == pytest.approx(expected)
+    assert (found.no_echo, found.shadows) == (0, 0)
+    nearer = echoes(a_scan(ranges, intensities=strength), RotatingLaser(echo=echo, range=(2.5, 6.0)))
+    assert np.hypot(*nearer.points.T[:2]) == pytest.approx([5, 4 if echo == "last" else 3])
+    assert nearer.no_echo == 1
+
+
+@given(
+    st.integers(0, 2000), st.floats(-1e-3, 1e-3) | st.integers(-99999, 99999).map(lambda n: (n + 0.5) * 1e-9)
+)
+def test_the_last_beam_is_looked_up_at_the_time_that_it_has(beams, seconds):
+    """One nanosecond more, and the whole pass would be measured beyond its transforms."""
+    assert [last_beam(beams, seconds)] == beam_times(beams, seconds)[-1:].tolist() or beams == 0
 
 
 @given(st.lists(st.floats(0.2, 20) | st.just(math.inf), min_size=2, max_size=20), st.floats(0.01, 0.5))
@@ -215,7 +245,7 @@ def ranges_at(stamp, moves):
     return np.where(distance < 40, distance, np.inf), origin + rays * np.minimum(distance, 50)[:, None]
 
 
-def laser_log(path, moves, seconds=6.0, increment=INCREMENT, container="mcap-lz4"):
+def laser_log(path, moves, seconds=6.0, increment=INCREMENT, container="mcap-lz4", scans=None):
     joint = [
         tf_record(
             int(s), [("mount", "laser", (0, 0, 0), (math.sin(roll(s) / 2), 0, 0, math.cos(roll(s) / 2)))]
@@ -226,7 +256,7 @@ def laser_log(path, moves, seconds=6.0, increment=INCREMENT, container="mcap-lz4
         START - SECOND, [("base_link", "mount", MOUNT.translation.tolist(), MOUNT.quaternion.tolist())]
     )
     up = static_record(START - SECOND, [("world", "map", (0, 0, 0.4), (0, 0, 0, 1))])
-    scans = [
+    scans = scans or [
         scan(int(s), ranges_at(int(s), moves)[0], FIRST, STEP, increment)
         for s in START + np.arange(int(seconds * 50)) * (SECOND // 50)
     ]
@@ -272,6 +302,28 @@ def test_a_wrong_time_from_beam_to_beam_can_be_overridden(tmp_path):
     wrong = frames_of(path, LogSection(fixed_frame="map"))
     assert mended[0].points.tobytes() == right[0].points.tobytes()
     assert np.abs(wrong[0].points - right[0].points).max() > 0.02
+
+
+def test_time_may_run_backwards_through_a_scan(tmp_path):
+    """The same beams, told from the last to the first: the same points, in another order."""
+    usual = laser_log(tmp_path / "usual", moves=True, seconds=3.0)
+
+    def backwards(stamp):
+        ranges = ranges_at(stamp, True)[0][::-1]
+        last = stamp + round((BEAMS - 1) * INCREMENT * SECOND)
+        return scan(last, ranges, FIRST + STEP * (BEAMS - 1), -STEP, -INCREMENT)
+
+    stamps = [int(s) for s in START + np.arange(150) * (SECOND // 50)]
+    path = laser_log(tmp_path / "log", moves=True, seconds=3.0, scans=[backwards(s) for s in stamps])
+    shadow = RotatingLaser(shadow_filter=0.05)
+    for laser in (RotatingLaser(), shadow):
+        (right,) = frames_of(usual, LogSection(fixed_frame="map", laser=laser))
+        (found,) = frames_of(path, LogSection(fixed_frame="map", laser=laser))
+        assert found.stamp == right.stamp + round((BEAMS - 1) * INCREMENT * SECOND)
+        world = [frame.pose.apply(frame.points.astype(np.float64)) for frame in (right, found)]
+        assert len(world[0]) == len(world[1])
+        order = [np.lexsort(np.round(points, 2).T) for points in world]
+        assert np.median(np.linalg.norm(world[0][order[0]] - world[1][order[1]], axis=1)) < 1e-3
 
 
 def test_a_planar_laser_that_does_not_turn_is_told(tmp_path):

@@ -10,7 +10,7 @@ from gapeval.config import LogSection
 from gapeval.errors import LogError
 from gapeval.logs.read.container import Container, Loss, Topic, naming
 from gapeval.logs.read.containers.opening import open_container
-from gapeval.logs.read.laser import increment
+from gapeval.logs.read.laser import increment, last_beam
 from gapeval.logs.read.messages.cloud import UnreadableCloudError
 from gapeval.logs.read.messages.content import head_suffices, role_of, timed_cloud
 from gapeval.logs.read.messages.foxglove_message import check_extra
@@ -117,9 +117,10 @@ def _offsets(
     """When the first and last points of each message were measured, since its stamp, (n, K) [ns]."""
     count = len(headers.stamps)
     if role_of(clouds[0]) == "laser":
-        seconds = np.array([increment(own, settings.laser) for own in headers.increments.tolist()])
-        span = np.round(np.maximum(headers.beams - 1, 0) * seconds * 1e9).astype(np.int64)
-        return np.column_stack([np.zeros(count, dtype=np.int64), span])
+        scans = zip(headers.beams.tolist(), headers.increments.tolist(), strict=True)
+        spans = [last_beam(beams, increment(own, settings.laser)) for beams, own in scans]
+        # Time may run backwards through a scan.
+        return np.array([(min(span, 0), max(span, 0)) for span in spans], dtype=np.int64).reshape(count, 2)
     if not settings.deskew:
         return np.zeros((count, 1), dtype=np.int64)
     spans = [
