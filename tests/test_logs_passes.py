@@ -90,6 +90,33 @@ def test_the_axis_is_found_however_the_laser_is_mounted(axis, tilt):
     assert np.abs(still - still[0]).max() < 1e-6
 
 
+@given(
+    st.sampled_from([(0, 0, 1, 0), (0, 1, 0, 0), (1, 0, 0, 0), (0, 0, 0.8, 0.6)]),
+    st.tuples(*[st.floats(-0.05, 0.05)] * 3),
+    st.sampled_from([0, 1, 2]),
+    st.sampled_from([-1, 1]),
+)
+def test_a_laser_may_look_back_or_hang_upside_down(mount, tilt, column, way):
+    """Its mount stands upright or hangs, but never on its side, as one that is told from noise might."""
+    mount = Transform.of([0, 0, 0], np.array([*tilt, 0.0]) + mount)
+    axis = np.eye(3)[column]
+    angles = way * swing([3, 3])
+    turns = np.column_stack([np.sin(angles / 2)[:, None] * axis, np.cos(angles / 2)])
+    attitudes = _product(np.tile(mount.quaternion, (len(angles), 1)), turns)
+    found = rotation(attitudes)
+    assert abs(found.axis @ axis) > 1 - 1e-6
+    assert [one.is_whole for one in passes(found.angles, stamps_of(len(angles)))] == [True, True]
+    np.testing.assert_allclose(np.diff(found.angles), np.diff(angles), atol=1e-9)
+    still = rotation_matrices(untwisted(attitudes, found.axis))
+    assert np.abs(still - still[0]).max() < 1e-6
+    assert abs(still[0, 2, 2]) > 0.97
+    # The angle is that from the mount as it is said to stand.
+    turned = rotation_matrices(
+        np.column_stack([np.sin(found.angles / 2)[:, None] * found.axis, np.cos(found.angles / 2)])
+    )
+    np.testing.assert_allclose(still @ turned, rotation_matrices(attitudes), atol=1e-9)
+
+
 def test_what_does_not_turn_has_no_axis():
     assert rotation(np.tile([0.0, 0.0, 0.0, 1.0], (100, 1))) is None
     assert rotation(np.array([[0.0, 0.0, 0.0, 1.0]])) is None

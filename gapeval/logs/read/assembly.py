@@ -194,7 +194,7 @@ def _clouds(
             f"{names[0]}: {len(sources)} planar scans, {found.found} passes of the laser, "
             f"{found.resting} scans in none of them"
         )
-        if not surveyed.offsets[:, 1].any():
+        if not surveyed.offsets.any():
             notices.append(
                 f"{names[0]}: no time from beam to beam in its scans; give -p log.laser.time_increment=..."
             )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gapeval.frame import FloatArray
+from gapeval.frame import FloatArray, rotation_matrices
 from gapeval.logs.read.transforms import Stamps, conjugate, product, rotation_vectors
 
 RESTS = 0.1  # of the usual rate; what turns more slowly rests
@@ -14,6 +14,10 @@ ROUND = 1.25 * np.pi  # rad; a turn that goes on for longer is cut into halves
 WHOLE = 0.8  # of the usual extent; a pass of less is incomplete
 SLIVER = 0.1  # of the usual extent; less is a joint that settles, and no pass
 PAUSE = 5.0  # usual times between scans; where more are missing, a pass ends
+
+STILL = np.array([0.0, 0.0, 0.0, 1.0])
+HALF_TURNS = np.array([[0, 0, 0, 1], [0, 0, 1, 0], [0, 1, 0, 0], [1, 0, 0, 0]], dtype=np.float64)
+SIGNS = np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])  # what these do to x, y and z
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,7 +48,8 @@ def rotation(quaternions: FloatArray) -> Rotation | None:
     _, vectors = np.linalg.eigh(steps.T @ steps)
     axis = vectors[:, -1]
     axis = axis * np.sign(axis[np.argmax(np.abs(axis))])  # an eigenvector has no sign of its own
-    angles = np.unwrap(2 * np.arctan2(quaternions[:, :3] @ axis, quaternions[:, 3]))
+    level = product(conjugate(_facing(quaternions, axis)), quaternions)
+    angles = np.unwrap(2 * np.arctan2(level[:, :3] @ axis, level[:, 3]))
     return Rotation(axis, angles) if np.ptp(angles) >= TURNS else None
 
 
@@ -69,11 +74,25 @@ def passes(angles: FloatArray, stamps: Stamps) -> list[Pass]:
 
 def untwisted(quaternions: FloatArray, axis: FloatArray) -> FloatArray:
     """Attitudes (n, 4) without their turn about an axis (3,) of the laser: how its mount stands."""
-    twist = np.column_stack([(quaternions[:, :3] @ axis)[:, None] * axis, quaternions[:, 3]])
+    level = product(conjugate(_facing(quaternions, axis)), quaternions)
+    twist = np.column_stack([(level[:, :3] @ axis)[:, None] * axis, level[:, 3]])
     length = np.linalg.norm(twist, axis=1, keepdims=True)
-    still = np.array([0.0, 0.0, 0.0, 1.0])
-    twist = np.where(length > 1e-9, twist / np.maximum(length, 1e-9), still)  # half a turn about another axis
+    twist = np.where(length > 1e-9, twist / np.maximum(length, 1e-9), STILL)  # half a turn about another axis
     return product(quaternions, conjugate(twist))
+
+
+def _facing(quaternions: FloatArray, axis: FloatArray) -> FloatArray:
+    """How the mount of a laser stands, roughly: as the robot, or half a turn from there; (n, 4), all alike.
+
+    The mount's turn and that about the axis are told apart only where the mount does not reverse the axis,
+    as that of a laser that looks back does. Against what is returned it turns it by at most 120 degrees.
+    """
+    along = np.median(rotation_matrices(quaternions) @ axis, axis=0)
+    likeness = SIGNS @ (along * axis)
+    if likeness[0] >= -0.5:
+        return np.tile(STILL, (len(quaternions), 1))
+    best = int(np.argmax(likeness >= likeness.max() - 0.1))  # the first, if several are as good
+    return np.tile(HALF_TURNS[best], (len(quaternions), 1))
 
 
 def _runs(angles: FloatArray, stamps: Stamps) -> list[range]:

@@ -118,9 +118,9 @@ def _offsets(
     count = len(headers.stamps)
     if role_of(clouds[0]) == "laser":
         scans = zip(headers.beams.tolist(), headers.increments.tolist(), strict=True)
-        spans = [last_beam(beams, increment(own, settings.laser)) for beams, own in scans]
+        ends = [last_beam(beams, increment(own, settings.laser)) for beams, own in scans]
         # Time may run backwards through a scan.
-        return np.array([(min(span, 0), max(span, 0)) for span in spans], dtype=np.int64).reshape(count, 2)
+        return np.array([(min(end, 0), max(end, 0)) for end in ends], dtype=np.int64).reshape(count, 2)
     if not settings.deskew:
         return np.zeros((count, 1), dtype=np.int64)
     spans = [
