@@ -49,6 +49,54 @@ def test_each_way_of_a_swing_is_a_pass(rests, extent):
     assert all(a.last <= b.first for a, b in pairwise(found))
 
 
+@given(
+    st.lists(st.integers(0, 60), min_size=2, max_size=4),
+    st.floats(0.5, math.pi / 2),
+    st.sampled_from([0.1, 0.3, 1.2]),
+    st.sampled_from([0.0, 0.25, 1.0]),
+    st.sampled_from([0.0, 0.2]),
+    st.randoms(use_true_random=False),
+)
+def test_a_joint_may_tremble_and_count_in_steps(rests, extent, rate, grid, noise, random):
+    """An encoder of 1 degree on a laser that turns by 0.1 degrees from scan to scan, with 0.2 of noise."""
+    true = swing(rests, extent, rate)
+    degrees = np.rad2deg(true) + noise * np.random.default_rng(random.randrange(2**32)).normal(size=len(true))
+    told = np.deg2rad(degrees if grid == 0 else np.round(degrees / grid) * grid)
+    found = passes(told, stamps_of(len(told)))
+    assert len(found) == len(rests)
+    assert all(one.is_whole for one in found)
+    assert all(a.last <= b.first for a, b in pairwise(found))
+    firsts = np.cumsum([0, *(len(swing([rest], extent, rate)) for rest in rests)])
+    away = np.deg2rad(1.0 + 4 * noise + grid) + rate * 0.02 * 6
+    for number, one in enumerate(found):
+        turning = slice(firsts[number], firsts[number + 1] - rests[number])
+        inside = np.abs(true[turning]) < extent - away
+        kept = np.zeros(len(true), dtype=bool)
+        kept[one.first : one.last] = True
+        assert kept[turning][inside].all()
+        # Of what rests beside it there is little.
+        assert kept.sum() <= turning.stop - turning.start + 2 * away / (rate * 0.02)
+
+
+def test_a_laser_that_stops_on_its_way_makes_two_parts():
+    angles = swing([0, 0, 0])
+    middle = 65 + 131
+    stopped = np.concatenate([angles[:middle], np.full(50, angles[middle]), angles[middle:]])
+    found = passes(stopped, stamps_of(len(stopped)))
+    assert [one.is_whole for one in found] == [True, False, False, True]
+    assert (found[1].last, found[2].first) == (middle + 1, middle + 50)
+
+
+def test_passes_of_a_laser_that_swings_like_a_pendulum():
+    stamps = stamps_of(1000)
+    angles = 1.3 * np.sin((stamps - START) / SECOND * 0.9 + 0.4)
+    found = passes(angles, stamps)
+    assert [one.is_whole for one in found] == [False, *[True] * 5, False]
+    for one in found[1:-1]:
+        assert abs(angles[one.first]) > 1.29
+        assert abs(angles[one.last - 1]) > 1.29
+
+
 @given(st.floats(0, 2 * math.pi), st.sampled_from([1, -1]))
 def test_a_laser_that_goes_round_makes_a_pass_with_each_half_turn(first, way):
     angles = first + way * np.arange(0, 5 * math.pi, 0.03)
