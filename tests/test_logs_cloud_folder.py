@@ -385,13 +385,16 @@ def test_lzf_of_long_and_overlapping_runs():
 
 def test_times_of_poses_are_exact(tmp_path):
     texts = ["1700000000.123456789", "1.700000001e9", "1700000002", "0.000000001", "1305031102.175304"]
-    (tmp_path / "a.tum").write_text("".join(f"{text} 1 2 3 0 0 0 2\n" for text in texts))
+    (tmp_path / "a.tum").write_text("".join(f"{text} 1 2 3 0 0 0 1\n" for text in texts))
     found = read_pose_file(tmp_path / "a.tum")
     assert [pose.stamp for pose in found] == [int(Decimal(text) * 10**9) for text in texts]
-    assert found[0].values == (1, 2, 3, 0, 0, 0, 2)
+    assert found[0].values == (1, 2, 3, 0, 0, 0, 1)
     # Commas do as well.
     (tmp_path / "b.csv").write_text("1.5,1,2,3,0,0,0,1\n")
     assert read_pose_file(tmp_path / "b.csv")[0].stamp == 1_500_000_000
+    (tmp_path / "c.tum").write_text("1.5 1 2 3 0 0 0 2\n")
+    with pytest.raises(LogError, match="line 1 has a quaternion of length 2; it must be of length 1"):
+        read_pose_file(tmp_path / "c.tum")
 
 
 def test_rotations_come_back(tmp_path):

@@ -1,5 +1,7 @@
 """Clouds of several messages: gathered over time, of several sensors, with each point at its own time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from logs_checks import frames_of, line
@@ -21,8 +23,9 @@ from moving_robot import (
 )
 
 from gapeval.config import BodyBox, LogSection
+from gapeval.errors import LogError
 from gapeval.frame import Frame
-from gapeval.logs.read import read_frames, read_recording
+from gapeval.logs.read import RefusedScan, preparation, read_frames, read_recording
 from gapeval.logs.read.transforms import product
 
 CONTAINERS = ("mcap-lz4", "bag", "sqlite3")
@@ -306,3 +309,38 @@ def test_the_robots_own_body_leaves_no_trail(tmp_path):
         others = frame.points[:-3]
         assert len(others) == 8 * RING
         np.testing.assert_allclose(others, np.tile(there(frame.stamp, STILL[:RING]), (8, 1)), atol=2e-4)
+
+
+# What is found to be damaged only when clouds are read
+
+
+def test_a_large_log_tells_damaged_clouds_when_they_are_read(tmp_path, monkeypatch):
+    """Its clouds are not checked when it is opened; then the bad chunk is told, and --strict is an error."""
+    monkeypatch.setattr(preparation, "LARGE", 0)
+    records = [sparse(stamp) for stamp in STAMPS]
+    path = write_sorted(tmp_path / "log", tf(1.2, lidar=MOUNT), records, container="mcap-none")
+    data = bytearray(path.read_bytes())
+    last = np.ascontiguousarray(skewed(STAMPS[6], NOW)[RING * 6 + 5], dtype="<f4").tobytes()
+    at = data.index(last)
+    data[at] ^= 0x55
+    path.write_bytes(data)
+    recording = read_recording(path, LogSection())
+    assert (recording.matched, recording.losses, recording.checked) == (12, (), False)
+    items = list(read_frames(recording, 0, 12))
+    refused = [item for item in items if isinstance(item, RefusedScan)]
+    assert {item.reason for item in refused} == {"in a damaged part of the log"}
+    assert STAMPS[6] in [item.stamp for item in refused]
+    assert len(refused) < 6
+    with pytest.raises(LogError, match=r"not whole: log: a chunk does not match its checksum .*--strict"):
+        list(read_frames(read_recording(path, settings(strict=True)), 0, 12))
+
+
+def test_messages_that_cannot_be_decoded_are_an_error_by_strict(tmp_path):
+    broken = [sparse(stamp) for stamp in STAMPS]
+    broken[4] = replace(broken[4], build=None, raw=b"\0\1\0\0" + bytes(30))
+    path = write_sorted(tmp_path / "log", tf(1.2, lidar=MOUNT), broken)
+    recording = read_recording(path, LogSection())
+    every = [item for item in read_frames(recording, 0, recording.matched) if isinstance(item, Frame)]
+    assert len(every) == 11
+    with pytest.raises(LogError, match="not whole"):
+        list(read_frames(read_recording(path, settings(strict=True)), 0, 12))

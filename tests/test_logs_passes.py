@@ -14,7 +14,7 @@ from moving_robot import SECOND, START, into_robot, poses, scan, tf
 from gapeval.config import LogSection, RotatingLaser
 from gapeval.frame import Transform, rotation_matrices
 from gapeval.logs.read import read_recording
-from gapeval.logs.read.laser import echoes, grazing
+from gapeval.logs.read.laser import beam_times, echoes, grazing, increment, last_beam
 from gapeval.logs.read.messages.measurement import LaserScan
 from gapeval.logs.read.motion import moved
 from gapeval.logs.read.passes import passes, rotation, untwisted
@@ -47,6 +47,54 @@ def test_each_way_of_a_swing_is_a_pass(rests, extent):
         assert np.ptp(angles[one.first : one.last]) >= 2 * extent - 3 * 1.2 * 0.02
     # No scan is in two passes.
     assert all(a.last <= b.first for a, b in pairwise(found))
+
+
+@given(
+    st.lists(st.integers(0, 60), min_size=3, max_size=4),
+    st.floats(0.5, math.pi / 2),
+    st.sampled_from([0.1, 0.3, 1.2]),
+    st.sampled_from([0.0, 0.25, 1.0]),
+    st.sampled_from([0.0, 0.2]),
+    st.randoms(use_true_random=False),
+)
+def test_a_joint_may_tremble_and_count_in_steps(rests, extent, rate, grid, noise, random):
+    """An encoder of 1 degree on a laser that turns by 0.1 degrees from scan to scan, with 0.2 of noise."""
+    true = swing(rests, extent, rate)
+    degrees = np.rad2deg(true) + noise * np.random.default_rng(random.randrange(2**32)).normal(size=len(true))
+    told = np.deg2rad(degrees if grid == 0 else np.round(degrees / grid) * grid)
+    found = passes(told, stamps_of(len(told)))
+    assert len(found) == len(rests)
+    assert all(one.is_whole for one in found)
+    assert all(a.last <= b.first for a, b in pairwise(found))
+    firsts = np.cumsum([0, *(len(swing([rest], extent, rate)) for rest in rests)])
+    away = np.deg2rad(1.0 + 4 * noise + grid) + rate * 0.02 * 6
+    for number, one in enumerate(found):
+        turning = slice(firsts[number], firsts[number + 1] - rests[number])
+        inside = np.abs(true[turning]) < extent - away
+        kept = np.zeros(len(true), dtype=bool)
+        kept[one.first : one.last] = True
+        assert kept[turning][inside].all()
+        # Of what rests beside it there is little.
+        assert kept.sum() <= turning.stop - turning.start + 2 * away / (rate * 0.02)
+
+
+def test_a_laser_that_stops_on_its_way_makes_two_parts():
+    angles = swing([0, 0, 0])
+    middle = 65 + 131
+    stopped = np.concatenate([angles[:middle], np.full(50, angles[middle]), angles[middle:]])
+    found = passes(stopped, stamps_of(len(stopped)))
+    assert [one.is_whole for one in found] == [True, False, False, True]
+    assert (found[1].last, found[2].first) == (middle + 1, middle + 50)
+
+
+def test_passes_of_a_laser_that_swings_like_a_pendulum():
+    stamps = stamps_of(1000)
+    angles = 1.3 * np.sin((stamps - START) / SECOND * 0.9 + 0.4)
+    found = passes(angles, stamps)
+    assert [one.is_whole for one in found] == [False, *[True] * 5, False]
+    for one in found[1:-1]:
+        assert abs(angles[one.first]) > 1.29
+        assert abs(angles[one.last - 1]) > 1.29
 
 
 @given(st.floats(0, 2 * math.pi), st.sampled_from([1, -1]))
@@ -105,6 +153,33 @@ def test_the_axis_is_found_however_the_laser_is_mounted(axis, tilt):
     assert np.abs(still - still[0]).max() < 1e-6
 
 
+@given(
+    st.sampled_from([(0, 0, 1, 0), (0, 1, 0, 0), (1, 0, 0, 0), (0, 0, 0.8, 0.6)]),
+    st.tuples(*[st.floats(-0.05, 0.05)] * 3),
+    st.sampled_from([0, 1, 2]),
+    st.sampled_from([-1, 1]),
+)
+def test_a_laser_may_look_back_or_hang_upside_down(mount, tilt, column, way):
+    """Its mount stands upright or hangs, but never on its side, as one that is told from noise might."""
+    mount = Transform.of([0, 0, 0], np.array([*tilt, 0.0]) + mount)
+    axis = np.eye(3)[column]
+    angles = way * swing([3, 3])
+    turns = np.column_stack([np.sin(angles / 2)[:, None] * axis, np.cos(angles / 2)])
+    attitudes = _product(np.tile(mount.quaternion, (len(angles), 1)), turns)
+    found = rotation(attitudes)
+    assert abs(found.axis @ axis) > 1 - 1e-6
+    assert [one.is_whole for one in passes(found.angles, stamps_of(len(angles)))] == [True, True]
+    np.testing.assert_allclose(np.diff(found.angles), np.diff(angles), atol=1e-9)
+    still = rotation_matrices(untwisted(attitudes, found.axis))
+    assert np.abs(still - still[0]).max() < 1e-6
+    assert abs(still[0, 2, 2]) > 0.97
+    # The angle is that from the mount as it is said to stand.
+    turned = rotation_matrices(
+        np.column_stack([np.sin(found.angles / 2)[:, None] * found.axis, np.cos(found.angles / 2)])
+    )
+    np.testing.assert_allclose(still @ turned, rotation_matrices(attitudes), atol=1e-9)
+
+
 def test_what_does_not_turn_has_no_axis():
     assert rotation(np.tile([0.0, 0.0, 0.0, 1.0], (100, 1))) is None
     assert rotation(np.array([[0.0, 0.0, 0.0, 1.0]])) is None
@@ -155,13 +230,11 @@ def test_the_users_time_from_beam_to_beam_wins():
     assert found.nanoseconds.tolist() == [0, 20_000, 40_000]
 
 
-@pytest.mark.parametrize("no_time", [-1e-3, math.nan, math.inf, -math.inf])
-def test_a_time_increment_that_is_no_time_counts_as_none(no_time):
-    assert echoes(a_scan([1, 2, 3], time_increment=no_time), RotatingLaser()).nanoseconds.tolist() == [
-        0,
-        0,
-        0,
-    ]
+@pytest.mark.parametrize("own", [math.nan, math.inf, -math.inf, 1e30, -1e30])
+def test_what_is_no_time_counts_as_none(own):
+    found = echoes(a_scan([1, 2, 3], time_increment=own), RotatingLaser())
+    assert found.nanoseconds.tolist() == [0, 0, 0]
+    assert last_beam(3, increment(own, RotatingLaser(time_increment=2e-5))) == 40_000
 
 
 @pytest.mark.parametrize(("echo", "expected"), [("first", [1, 4]), ("last", [3, 4]), ("strongest", [2, 4])])
@@ -170,6 +243,29 @@ def test_one_echo_of_each_beam(echo, expected):
     strength = np.array([[1.0, 9.0, math.nan], [0.0, 1.0, 99.0], [0.0, 0.0, 0.0]])
     found = echoes(a_scan(ranges, intensities=strength), RotatingLaser(echo=echo))
     assert np.hypot(found.points[:, 0], found.points[:, 1]) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("echo", "expected"), [("first", [2, 5, 3]), ("last", [7, 5, 4]), ("strongest", [7, 5, 3])]
+)
+def test_echoes_that_are_no_measurements_do_not_hide_others(echo, expected):
+    """Some drivers fill up with 0 or with more than range_max; a strength may be unknown."""
+    ranges = [[0.0, 2.0, 7.0, 65.5], [0.02, 5.0, 40.0, math.inf], [math.nan, 3.0, 4.0, math.nan]]
+    strength = np.array([[99, 1, 5, 99], [99, 1, 99, 0], [math.nan] * 4])
+    found = echoes(a_scan(ranges, intensities=strength), RotatingLaser(echo=echo))
+    assert np.hypot(found.points[:, 0], found.points[:, 1]) == pytest.approx(expected)
+    assert (found.no_echo, found.shadows) == (0, 0)
+    nearer = echoes(a_scan(ranges, intensities=strength), RotatingLaser(echo=echo, range=(2.5, 6.0)))
+    assert np.hypot(*nearer.points.T[:2]) == pytest.approx([5, 4 if echo == "last" else 3])
+    assert nearer.no_echo == 1
+
+
+@given(
+    st.integers(0, 2000), st.floats(-1e-3, 1e-3) | st.integers(-99999, 99999).map(lambda n: (n + 0.5) * 1e-9)
+)
+def test_the_last_beam_is_looked_up_at_the_time_that_it_has(beams, seconds):
+    """One nanosecond more, and the whole pass would be measured beyond its transforms."""
+    assert [last_beam(beams, seconds)] == beam_times(beams, seconds)[-1:].tolist() or beams == 0
 
 
 @given(st.lists(st.floats(0.2, 20) | st.just(math.inf), min_size=2, max_size=20), st.floats(0.01, 0.5))
@@ -239,7 +335,7 @@ def ranges_at(stamp, moves):
     return np.where(distance < 40, distance, np.inf), origin + rays * np.minimum(distance, 50)[:, None]
 
 
-def laser_log(path, moves, seconds=6.0, increment=INCREMENT, container="mcap-lz4"):
+def laser_log(path, moves, seconds=6.0, increment=INCREMENT, container="mcap-lz4", scans=None):
     joint = [
         tf_record(
             int(s), [("mount", "laser", (0, 0, 0), (math.sin(roll(s) / 2), 0, 0, math.cos(roll(s) / 2)))]
@@ -250,7 +346,7 @@ def laser_log(path, moves, seconds=6.0, increment=INCREMENT, container="mcap-lz4
         START - SECOND, [("base_link", "mount", MOUNT.translation.tolist(), MOUNT.quaternion.tolist())]
     )
     up = static_record(START - SECOND, [("world", "map", (0, 0, 0.4), (0, 0, 0, 1))])
-    scans = [
+    scans = scans or [
         scan(int(s), ranges_at(int(s), moves)[0], FIRST, STEP, increment)
         for s in START + np.arange(int(seconds * 50)) * (SECOND // 50)
     ]
@@ -296,6 +392,28 @@ def test_a_wrong_time_from_beam_to_beam_can_be_overridden(tmp_path):
     wrong = frames_of(path, LogSection(fixed_frame="map"))
     assert mended[0].points.tobytes() == right[0].points.tobytes()
     assert np.abs(wrong[0].points - right[0].points).max() > 0.02
+
+
+def test_time_may_run_backwards_through_a_scan(tmp_path):
+    """The same beams, told from the last to the first: the same points, in another order."""
+    usual = laser_log(tmp_path / "usual", moves=True, seconds=3.0)
+
+    def backwards(stamp):
+        ranges = ranges_at(stamp, True)[0][::-1]
+        last = stamp + round((BEAMS - 1) * INCREMENT * SECOND)
+        return scan(last, ranges, FIRST + STEP * (BEAMS - 1), -STEP, -INCREMENT)
+
+    stamps = [int(s) for s in START + np.arange(150) * (SECOND // 50)]
+    path = laser_log(tmp_path / "log", moves=True, seconds=3.0, scans=[backwards(s) for s in stamps])
+    shadow = RotatingLaser(shadow_filter=0.05)
+    for laser in (RotatingLaser(), shadow):
+        (right,) = frames_of(usual, LogSection(fixed_frame="map", laser=laser))
+        (found,) = frames_of(path, LogSection(fixed_frame="map", laser=laser))
+        assert found.stamp == right.stamp + round((BEAMS - 1) * INCREMENT * SECOND)
+        world = [frame.pose.apply(frame.points.astype(np.float64)) for frame in (right, found)]
+        assert len(world[0]) == len(world[1])
+        order = [np.lexsort(np.round(points, 2).T) for points in world]
+        assert np.median(np.linalg.norm(world[0][order[0]] - world[1][order[1]], axis=1)) < 1e-3
 
 
 def test_a_planar_laser_that_does_not_turn_is_told(tmp_path):

@@ -42,3 +42,5 @@ def info(logs: tuple[Path, ...], as_json: bool, **options: str) -> None:
         say(f"gapeval: {failure}")
     if unreadable:
         raise unreadable[-1]
+    if settings.strict and (broken := [d.path for d in descriptions if d.losses]):
+        raise LogError(f"{broken[0]}: not whole, as is said above; leave out --strict to use the rest")

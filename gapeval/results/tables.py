@@ -70,7 +70,7 @@ def meanings() -> dict[str, str]:
         "best": "`true` for the best configuration of the log, chosen on these data; see scoring.md",
         "plane_fallback": "why the plane is the robot's though another was asked for; see detector.md",
         "pose_gap": "s, longest time between two transforms that the pose was interpolated from",
-        "pose_roll": "rad, standard deviation of the robot's roll; see results.md",
+        "pose_roll": "rad, standard deviation of the robot's roll; see logs.md",
         "pose_pitch": "rad, of its pitch",
         "pose_height": "m, of its height",
         "label": "the label's id",

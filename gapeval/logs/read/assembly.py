@@ -28,7 +28,7 @@ from gapeval.logs.read.selection import (
     choose_robot_frame,
     choose_sensor_frame,
 )
-from gapeval.logs.read.survey import Headers, Progress, read_samples
+from gapeval.logs.read.survey import Headers, Progress, Window, read_samples
 from gapeval.logs.read.transforms import Edge, TransformTree, find_path, lookup, make_edge, with_pose
 
 
@@ -213,7 +213,7 @@ def _clouds(
             f"{names[0]}: {len(sources)} planar scans, {found.found} passes of the laser, the whole ones of "
             f"{least:.0f} to {most:.0f} deg, {found.resting} scans in none of them"
         )
-        if not surveyed.offsets[:, 1].any():
+        if not surveyed.offsets.any():
             notices.append(
                 f"{names[0]}: no time from beam to beam in its scans; give -p log.laser.time_increment=..."
             )
@@ -232,6 +232,8 @@ def _named(surveyed: Surveyed, settings: LogSection) -> Headers:
     Raises LogError where no cloud can be decoded, or none has a frame.
     """
     headers, topic = surveyed.survey.headers, " + ".join(surveyed.cloud_topics)
+    if not headers.total and surveyed.window != Window():
+        raise LogError(f"no message on {topic} in that part of the log; give another --start and --end")
     if not headers.total:
         raise LogError(f"no message can be read on {topic}; record it again")
     if not headers.frames:

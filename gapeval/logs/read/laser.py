@@ -13,6 +13,8 @@ from gapeval.logs.read.messages.message import UndecodableError
 
 WIDEST = 2 * np.pi + 0.1  # rad; no planar scan sees more than all around
 
+LONGEST = 100.0  # s from beam to beam; what says more, or NaN, is no time
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Echoes:
@@ -30,8 +32,8 @@ class Echoes:
 
 def echoes(scan: LaserScan, settings: RotatingLaser) -> Echoes:
     """Points of the beams with an echo. angle_max is not believed; the number of ranges is."""
-    ranges = one_echo(scan, settings.echo)
-    seen = in_range(ranges, scan, settings)
+    ranges = one_echo(in_range(scan, settings), scan.intensities, settings.echo)
+    seen = np.isfinite(ranges)
     azimuth = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     kept = seen & ~grazing(np.where(seen, ranges, np.inf), scan.angle_increment, settings.shadow_filter)
     r, azimuth = ranges[kept], azimuth[kept]
@@ -52,9 +54,9 @@ def require_angles(scan: LaserScan) -> None:
 
 
 def increment(own: float, settings: RotatingLaser) -> float:
-    """Seconds from beam to beam: the user's word, else the scan's; 0 for what is no time to come."""
+    """Seconds from beam to beam: the user's word, else the scan's; 0 for what is no time."""
     chosen = own if settings.time_increment is None else settings.time_increment
-    return chosen if np.isfinite(chosen) and chosen > 0 else 0.0
+    return chosen if abs(chosen) < LONGEST else 0.0
 
 
 def beam_times(beams: int, seconds: float) -> NDArray[np.int64]:
@@ -62,13 +64,21 @@ def beam_times(beams: int, seconds: float) -> NDArray[np.int64]:
     return np.round(np.arange(beams) * (seconds * 1e9)).astype(np.int64)
 
 
-def one_echo(scan: LaserScan, echo: Literal["first", "last", "strongest"]) -> FloatArray:
-    """Of each beam's echoes the one that was asked for (n,), NaN where there is none."""
-    ranges = np.where(np.isfinite(scan.ranges), scan.ranges, np.nan)
+def last_beam(beams: int, seconds: float) -> int:
+    """[ns] since the scan's stamp; to the nanosecond as beam_times has it."""
+    return int(np.round(max(beams - 1, 0) * (seconds * 1e9)))
+
+
+def one_echo(
+    ranges: FloatArray, intensities: FloatArray | None, echo: Literal["first", "last", "strongest"]
+) -> FloatArray:
+    """Of each beam's echoes (n, e) the one that was asked for (n,), NaN where there is none."""
     if ranges.shape[1] == 1:
         return ranges[:, 0]
-    if echo == "strongest" and scan.intensities is not None:
-        strength = np.where(np.isnan(ranges), -np.inf, np.nan_to_num(scan.intensities, nan=-np.inf))
+    if echo == "strongest" and intensities is not None:
+        # An echo of unknown strength is the weakest, but it is one.
+        weakest = np.finfo(np.float64).min
+        strength = np.where(np.isnan(ranges), -np.inf, np.nan_to_num(intensities, nan=weakest))
         best: FloatArray = ranges[np.arange(len(ranges)), np.argmax(strength, axis=1)]
         return best
     filled = np.where(np.isnan(ranges), -np.inf if echo == "last" else np.inf, ranges)
@@ -76,12 +86,14 @@ def one_echo(scan: LaserScan, echo: Literal["first", "last", "strongest"]) -> Fl
     return np.where(np.isfinite(chosen), chosen, np.nan)
 
 
-def in_range(ranges: FloatArray, scan: LaserScan, settings: RotatingLaser) -> NDArray[np.bool_]:
-    """range_min <= r < range_max, by the scan and by the user."""
+def in_range(scan: LaserScan, settings: RotatingLaser) -> FloatArray:
+    """Its ranges (n, e), NaN but where range_min <= r < range_max, by the scan and by the user."""
     low, high = settings.range or (-np.inf, np.inf)
+    ranges = scan.ranges
     with np.errstate(invalid="ignore"):
-        seen: NDArray[np.bool_] = (ranges >= max(scan.range_min, low)) & (ranges < min(scan.range_max, high))
-    return seen & (ranges > 0)
+        seen = (ranges >= max(scan.range_min, low)) & (ranges < min(scan.range_max, high))
+        seen &= np.isfinite(ranges) & (ranges > 0)
+    return np.where(seen, ranges, np.nan)
 
 
 def grazing(ranges: FloatArray, step: float, least: float) -> NDArray[np.bool_]:

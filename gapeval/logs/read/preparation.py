@@ -10,7 +10,7 @@ from gapeval.config import LogSection
 from gapeval.errors import LogError
 from gapeval.logs.read.container import Container, Loss, Topic, naming
 from gapeval.logs.read.containers.opening import open_container
-from gapeval.logs.read.laser import increment
+from gapeval.logs.read.laser import increment, last_beam
 from gapeval.logs.read.messages.cloud import UnreadableCloudError
 from gapeval.logs.read.messages.content import head_suffices, role_of, timed_cloud
 from gapeval.logs.read.messages.foxglove_message import check_extra
@@ -122,12 +122,17 @@ def _offsets(
     """When the first and last points of each message were measured, since its stamp, (n, K) [ns]."""
     count = len(headers.stamps)
     if role_of(clouds[0]) == "laser":
-        seconds = np.array([increment(own, settings.laser) for own in headers.increments.tolist()])
-        span = np.round(np.maximum(headers.beams - 1, 0) * seconds * 1e9).astype(np.int64)
+        scans = zip(headers.beams.tolist(), headers.increments.tolist(), strict=True)
+        ends = [last_beam(beams, increment(own, settings.laser)) for beams, own in scans]
         _check_lasting(
-            clouds[0].name, "a scan", int(span.max(initial=0)), headers.stamps, "log.laser.time_increment"
+            clouds[0].name,
+            "a scan",
+            max(map(abs, ends), default=0),
+            headers.stamps,
+            "log.laser.time_increment",
         )
-        return np.column_stack([np.zeros(count, dtype=np.int64), span])
+        # Time may run backwards through a scan.
+        return np.array([(min(end, 0), max(end, 0)) for end in ends], dtype=np.int64).reshape(count, 2)
     if not settings.deskew:
         return np.zeros((count, 1), dtype=np.int64)
     spans = [

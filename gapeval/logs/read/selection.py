@@ -144,7 +144,11 @@ def choose_sensor_frame(
     if cloud_frame not in no_laser:
         return cloud_frame
     candidates = [frame for frame in frames(tree) if frame not in no_laser]
-    choice = f"one of {_listed(candidates)}" if candidates else f"{robot_frame} if that is where it is"
+    choice = (
+        f"one of {_listed(candidates)}"
+        if candidates
+        else (f"{cloud_frame} if it sits there; or add where it sits on the robot with `log: transforms:`")
+    )
     raise LogError(
         f"the clouds are in {cloud_frame}, which is not the laser's own frame; say where the laser is with "
         f"-p log.sensor_frame=..., {choice}"

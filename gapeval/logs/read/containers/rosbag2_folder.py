@@ -199,6 +199,10 @@ def _look_into(folder: _Folder) -> None:
     for topic in () if folder.losses.found else folder.topics or ():
         if counts.get(topic.name, 0) != topic.count:
             files = counts.get(topic.name, 0)
+            if files < topic.count:
+                lacking = f"fewer messages on {topic.name} than {METADATA} says"
+                folder.losses.add(Loss(folder.path.name, lacking, messages=topic.count - files))
+                continue
             folder.notices.append(
                 f"{topic.name}: {METADATA} says {topic.count} messages, its files hold {files}"
             )

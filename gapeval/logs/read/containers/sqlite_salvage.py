@@ -237,5 +237,15 @@ def _tell_missing(file: RawFile, found: Salvaged, rows: dict[int, Row], losses: 
             losses.add(Loss(name, MISSING_ROWS, None, number - last - 1, before, rows[number].time))
         last = number
     if is_cut(file):
-        left = file.size % found.page
-        losses.add(Loss(name, CUT_DATABASE, left, None, rows[last].time if last else None, None))
+        # The header says how many pages there were.
+        missing = int.from_bytes(file.upto(28, 4), "big") * found.page - file.size
+        losses.add(
+            Loss(
+                name,
+                CUT_DATABASE,
+                missing if missing > 0 else None,
+                None,
+                rows[last].time if last else None,
+                None,
+            )
+        )

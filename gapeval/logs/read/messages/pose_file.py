@@ -14,6 +14,7 @@ from gapeval.logs.read.messages.measurement import StampedPose
 PARENT = "map"
 CALIBRATION = "calib.txt"  # of KITTI, beside the poses
 TUM, KITTI = 8, 12  # columns
+NO_UNIT = 0.1  # how far from 1 the length of a quaternion may be
 NO_ROTATION = 1e-2  # how far from orthonormal a matrix may be
 LATEST = 1 << 62  # ns
 
@@ -108,6 +109,10 @@ def _tum_pose(path: Path, number: int, words: list[str]) -> StampedPose:
     values = _numbers(path, number, words, TUM)[1:]
     if not values[3:].any():
         raise LogError(f"{path}: line {number} has a quaternion of zeros; it must be x y z qx qy qz qw")
+    if abs((length := float(np.linalg.norm(values[3:]))) - 1) > NO_UNIT:
+        raise LogError(
+            f"{path}: line {number} has a quaternion of length {length:.3g}; it must be of length 1"
+        )
     return StampedPose(stamp, PARENT, "", tuple(values.tolist()))
 
 
