@@ -74,8 +74,8 @@ def test_a_joint_may_tremble_and_count_in_steps(rests, extent, rate, grid, noise
         kept = np.zeros(len(true), dtype=bool)
         kept[one.first : one.last] = True
         assert kept[turning][inside].all()
-        # Of what rests beside it there is little.
-        assert kept.sum() <= turning.stop - turning.start + 2 * away / (rate * 0.02)
+        # Of what rests beside it there is no more than it turns 5 degrees in.
+        assert kept.sum() <= turning.stop - turning.start + 2 * (away + np.deg2rad(5)) / (rate * 0.02)
 
 
 def test_a_laser_that_stops_on_its_way_makes_two_parts():
