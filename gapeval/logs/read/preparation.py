@@ -144,7 +144,7 @@ def _offsets(
     return np.round(table).astype(np.int64)[headers.topics]
 
 
-def _check_lasting(name: str, what: str, span: int, stamps: Stamps, setting: str) -> None:
+def _check_lasting(name: str, what: str, span: int, stamps: Stamps, advice: str) -> None:
     """Raises LogError where one measurement would go on long after the next has begun; span: [ns]."""
     if len(stamps) < 2:
         return
@@ -152,7 +152,7 @@ def _check_lasting(name: str, what: str, span: int, stamps: Stamps, setting: str
     if span > LASTS * period:
         raise LogError(
             f"{what} on {name} would last {span / 1e9:.3g} s by the times in it, and they come every "
-            f"{period / 1e9:.3g} s; mend it with {setting}"
+            f"{period / 1e9:.3g} s; {advice}"
         )
 
 
@@ -175,7 +175,7 @@ def _measured_span(container: Container, name: str, window: Window, stamps: Stam
     if not firsts:
         raise LogError(f"log.deskew needs the time of each point of {name} ({why}); leave it out")
     span = max(lasts) - min(firsts)
-    _check_lasting(name, "a cloud", span, stamps, "the recording, or leave out log.deskew")
+    _check_lasting(name, "a cloud", span, stamps, "record it again, or leave out log.deskew")
     room = max(span // 50, 10**5)  # a turn is not always equally long
     period = int(np.median(np.diff(stamps))) if len(stamps) > 1 else 0
     # Where turn follows turn, part of one may have had no echo in the first clouds.
