@@ -159,6 +159,25 @@ def test_a_merged_cloud_without_its_partner_is_refused(tmp_path):
     assert line(path, settings(cloud_topics=["/points", "/points"])).startswith("a topic is named twice")
 
 
+def test_all_clouds_of_the_first_topic_count_where_several_are_merged(tmp_path):
+    """Also those that have no transform; of the others only what was refused."""
+    front = [sparse(stamp) for stamp in STAMPS]
+    rear = [sparse(stamp, REAR, "rear", "/rear") for stamp in STAMPS]
+    path = write_sorted(tmp_path / "log", tf(0.25, lidar=MOUNT, rear=REAR), front, rear)
+    recording = read_recording(path, settings(cloud_topics=["/points", "/rear"]))
+    assert (recording.total, recording.matched) == (12, 8)
+    assert sum(recording.refused.values()) == 8
+
+
+def test_one_sensor_frame_for_several_topics_is_told(two):
+    named = read_recording(two, settings(cloud_topics=["/points", "/rear"], sensor_frame="lidar"))
+    told = "log.sensor_frame: all of /points + /rear count as seen from there"
+    assert told in named.notices
+    assert told not in read_recording(two, settings(cloud_topic="/points", sensor_frame="lidar")).notices
+    for frame in read_frames(named, 0, 2):
+        assert np.linalg.norm(frame.sensor.translation - MOUNT.translation) < 1e-6
+
+
 # Points at their own times
 
 
@@ -300,7 +319,14 @@ def test_the_robots_own_body_leaves_no_trail(tmp_path):
     path = write_sorted(tmp_path / "log", tf(1.2, lidar=MOUNT), [with_body(s) for s in STAMPS])
     box = BodyBox(x=(-0.3, 0.3), y=(-0.3, 0.3), z=(0.2, 0.6))
     recording = read_recording(path, settings(accumulate={"scans": 8}), body=box)
-    for frame in read_frames(recording, 0, recording.matched):
+    wrong = settings(accumulate={"scans": 8}, pose_error={"height": 0.25, "roll": 0.2})
+    erring = read_recording(path, wrong, body=box)
+    for frame, other in zip(
+        read_frames(recording, 0, recording.matched), read_frames(erring, 0, erring.matched), strict=True
+    ):
+        # A robot that errs in its pose knows its body as well as before.
+        raised = erring.scans.wrong.at(0).apply(frame.points.astype(np.float64))
+        np.testing.assert_allclose(other.points, raised, atol=1e-4)
         # Those of the last scan are left to the detector, which knows the box too.
         np.testing.assert_allclose(frame.points[-3:], own, atol=1e-4)
         others = frame.points[:-3]
