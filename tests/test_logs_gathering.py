@@ -290,6 +290,42 @@ def test_the_covariance_of_a_pose_is_turned_into_the_robots_frame(tmp_path):
         assert [found.gap, found.roll, found.pitch, found.height] == pytest.approx(expected, abs=1e-6)
 
 
+def test_quality_against_one_by_one(tmp_path):
+    """Poses at 8 Hz, some of which say how well they are known: the nearest one's word counts."""
+    random = np.random.default_rng(5)
+    stamps = [int(s) for s in START - SECOND // 4 + np.arange(16) * (SECOND // 8) + 321]
+    known = {}
+    for stamp in stamps:
+        half = random.normal(size=(6, 6)) * 0.1
+        known[stamp] = half @ half.T if random.random() < 0.6 else np.zeros((6, 6))
+    mounts = static_record(
+        START - SECOND, [("base_link", "lidar", MOUNT.translation.tolist(), MOUNT.quaternion.tolist())]
+    )
+    path = write_sorted(
+        tmp_path / "log", mounts, [odometry(s, known[s]) for s in stamps], [sparse(s) for s in STAMPS]
+    )
+    said = 0
+    for frame in frames_of(path):
+        before = max(s for s in stamps if s <= frame.stamp)
+        after = min(s for s in stamps if s >= frame.stamp)
+        nearest = before if frame.stamp - before <= after - frame.stamp else after
+        covariance, turn = known[nearest], frame.pose.matrix
+        said += bool(covariance.any())
+        variance = (turn.T @ covariance[3:, 3:] @ turn)[[0, 1], [0, 1]].tolist()
+        variance.append((turn.T @ covariance[:3, :3] @ turn)[2, 2])
+        changes = []
+        for one, other in ((pose(before), frame.pose), (frame.pose, pose(after))):
+            spin = one.matrix.T @ other.matrix
+            # Of a small turn: half of what is skew.
+            height = one.apply_inverse(other.translation[None])[0, 2]
+            changes.append(np.abs([(spin[2, 1] - spin[1, 2]) / 2, (spin[0, 2] - spin[2, 0]) / 2, height]))
+        expected = np.sqrt(variance + np.min(changes, axis=0) ** 2)
+        found = frame.quality
+        assert found.gap == pytest.approx((after - before) / 1e9, abs=1e-9)
+        assert [found.roll, found.pitch, found.height] == pytest.approx(expected.tolist(), abs=1e-4)
+    assert 3 < said < len(STAMPS) - 2
+
+
 def test_poses_may_come_from_a_file(tmp_path):
     """TUM poses beside a log that has none; they name themselves in the results."""
     mounts = static_record(
