@@ -124,11 +124,11 @@ def test_scans_that_are_missing_end_a_pass():
 
 @given(
     st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
-    st.tuples(*[st.floats(-1, 1)] * 3),
+    st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda v: np.linalg.norm(v) > 0.1),
 )
-def test_the_axis_is_found_however_the_laser_is_mounted(axis, tilt):
+def test_the_axis_is_found_however_the_laser_is_mounted(axis, mount):
     axis = np.array(axis) / np.linalg.norm(axis)
-    mount = Transform.of([0, 0, 0], [*(0.3 * np.array(tilt)), 1.0])
+    mount = Transform.of([0, 0, 0], mount)
     angles = swing([3, 3])
     turns = np.column_stack([np.sin(angles / 2)[:, None] * axis, np.cos(angles / 2)])
     attitudes = _product(np.tile(mount.quaternion, (len(angles), 1)), turns)
