@@ -28,10 +28,11 @@ from logs_writer import clouds, driving, lidar, write_sorted
 
 from gapeval.config import LogSection
 from gapeval.errors import LogError
-from gapeval.logs.read import read_recording
+from gapeval.logs.read import RefusedScan, preparation, read_frames, read_recording
 from gapeval.logs.read.container import HEAD, Loss
 from gapeval.logs.read.containers.losses import BAD_CHECKSUM
 from gapeval.logs.read.containers.opening import open_container
+from gapeval.logs.read.playback import DAMAGED
 
 CASES = [
     *[(damage, codec) for damage in BAG_DAMAGES for codec in ("none", "lz4", "bz2")],
@@ -162,3 +163,25 @@ def test_the_survey_of_a_log_looks_at_every_checksum(tmp_path):
     strict = f"{path}: not whole: {loss}; leave out --strict to use the rest"
     with pytest.raises(LogError, match=re.escape(strict)):
         read_recording(path, LogSection(strict=True))
+
+
+def test_windows_on_a_damaged_chunk_of_a_large_log_are_refused(tmp_path, monkeypatch):
+    """Its clouds were known by their heads; that their checksum is wrong shows when they are read."""
+    path = mcap(tmp_path / "log.mcap")
+    known, data = mcap_map(path), bytearray(path.read_bytes())
+    data[known.chunks[1][0] + 9 + 24] ^= 1
+    path.write_bytes(data)
+    lost = [time for topic, time, _ in known.held[1] if topic == "/points"]
+    every = [time for chunk in known.held for topic, time, _ in chunk if topic == "/points"]
+    monkeypatch.setattr(preparation, "LARGE", 0)
+    for scans in (1, 3):
+        log = LogSection.model_validate({"accumulate": {"scans": scans}})
+        recording = read_recording(path, log)
+        items = list(read_frames(recording, 0, recording.matched))
+        for number, item in enumerate(items):
+            window = every[number : number + scans]
+            assert isinstance(item, RefusedScan) == bool(set(window) & set(lost))
+            assert getattr(item, "reason", DAMAGED) == DAMAGED
+        assert {isinstance(item, RefusedScan) for item in items} == {True, False}
+    with pytest.raises(LogError, match=r"a chunk does not match its checksum .* leave out --strict"):
+        read_recording(path, LogSection(strict=True))  # which looks at the first clouds

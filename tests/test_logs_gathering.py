@@ -162,6 +162,25 @@ def test_a_merged_cloud_without_its_partner_is_refused(tmp_path):
     assert line(path, settings(cloud_topics=["/points", "/points"])).startswith("a topic is named twice")
 
 
+def test_all_clouds_of_the_first_topic_count_where_several_are_merged(tmp_path):
+    """Also those that have no transform; of the others only what was refused."""
+    front = [sparse(stamp) for stamp in STAMPS]
+    rear = [sparse(stamp, REAR, "rear", "/rear") for stamp in STAMPS]
+    path = write_sorted(tmp_path / "log", tf(0.25, lidar=MOUNT, rear=REAR), front, rear)
+    recording = read_recording(path, settings(cloud_topics=["/points", "/rear"]))
+    assert (recording.total, recording.matched) == (12, 8)
+    assert sum(recording.refused.values()) == 8
+
+
+def test_one_sensor_frame_for_several_topics_is_told(two):
+    named = read_recording(two, settings(cloud_topics=["/points", "/rear"], sensor_frame="lidar"))
+    told = "log.sensor_frame: all of /points + /rear count as seen from there"
+    assert told in named.notices
+    assert told not in read_recording(two, settings(cloud_topic="/points", sensor_frame="lidar")).notices
+    for frame in read_frames(named, 0, 2):
+        assert np.linalg.norm(frame.sensor.translation - MOUNT.translation) < 1e-6
+
+
 # Points at their own times
 
 
@@ -274,6 +293,42 @@ def test_the_covariance_of_a_pose_is_turned_into_the_robots_frame(tmp_path):
         assert [found.gap, found.roll, found.pitch, found.height] == pytest.approx(expected, abs=1e-6)
 
 
+def test_quality_against_one_by_one(tmp_path):
+    """Poses at 8 Hz, some of which say how well they are known: the nearest one's word counts."""
+    random = np.random.default_rng(5)
+    stamps = [int(s) for s in START - SECOND // 4 + np.arange(16) * (SECOND // 8) + 321]
+    known = {}
+    for stamp in stamps:
+        half = random.normal(size=(6, 6)) * 0.1
+        known[stamp] = half @ half.T if random.random() < 0.6 else np.zeros((6, 6))
+    mounts = static_record(
+        START - SECOND, [("base_link", "lidar", MOUNT.translation.tolist(), MOUNT.quaternion.tolist())]
+    )
+    path = write_sorted(
+        tmp_path / "log", mounts, [odometry(s, known[s]) for s in stamps], [sparse(s) for s in STAMPS]
+    )
+    said = 0
+    for frame in frames_of(path):
+        before = max(s for s in stamps if s <= frame.stamp)
+        after = min(s for s in stamps if s >= frame.stamp)
+        nearest = before if frame.stamp - before <= after - frame.stamp else after
+        covariance, turn = known[nearest], frame.pose.matrix
+        said += bool(covariance.any())
+        variance = (turn.T @ covariance[3:, 3:] @ turn)[[0, 1], [0, 1]].tolist()
+        variance.append((turn.T @ covariance[:3, :3] @ turn)[2, 2])
+        changes = []
+        for one, other in ((pose(before), frame.pose), (frame.pose, pose(after))):
+            spin = one.matrix.T @ other.matrix
+            # Of a small turn: half of what is skew.
+            height = one.apply_inverse(other.translation[None])[0, 2]
+            changes.append(np.abs([(spin[2, 1] - spin[1, 2]) / 2, (spin[0, 2] - spin[2, 0]) / 2, height]))
+        expected = np.sqrt(variance + np.min(changes, axis=0) ** 2)
+        found = frame.quality
+        assert found.gap == pytest.approx((after - before) / 1e9, abs=1e-9)
+        assert [found.roll, found.pitch, found.height] == pytest.approx(expected.tolist(), abs=1e-4)
+    assert 3 < said < len(STAMPS) - 2
+
+
 def test_poses_may_come_from_a_file(tmp_path):
     """TUM poses beside a log that has none; they name themselves in the results."""
     mounts = static_record(
@@ -303,7 +358,14 @@ def test_the_robots_own_body_leaves_no_trail(tmp_path):
     path = write_sorted(tmp_path / "log", tf(1.2, lidar=MOUNT), [with_body(s) for s in STAMPS])
     box = BodyBox(x=(-0.3, 0.3), y=(-0.3, 0.3), z=(0.2, 0.6))
     recording = read_recording(path, settings(accumulate={"scans": 8}), body=box)
-    for frame in read_frames(recording, 0, recording.matched):
+    wrong = settings(accumulate={"scans": 8}, pose_error={"height": 0.25, "roll": 0.2})
+    erring = read_recording(path, wrong, body=box)
+    for frame, other in zip(
+        read_frames(recording, 0, recording.matched), read_frames(erring, 0, erring.matched), strict=True
+    ):
+        # A robot that errs in its pose knows its body as well as before.
+        raised = erring.scans.wrong.at(0).apply(frame.points.astype(np.float64))
+        np.testing.assert_allclose(other.points, raised, atol=1e-4)
         # Those of the last scan are left to the detector, which knows the box too.
         np.testing.assert_allclose(frame.points[-3:], own, atol=1e-4)
         others = frame.points[:-3]

@@ -1,6 +1,7 @@
 """A planar laser that turns: its scans make a cloud for each pass."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -8,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from logs_checks import frames_of, line
-from logs_writer import static_record, tf_record, write_sorted
+from logs_writer import Record, static_record, tf_record, write_sorted
 from moving_robot import SECOND, START, into_robot, poses, scan, tf
 
-from gapeval.config import LogSection, RotatingLaser
-from gapeval.frame import Transform, rotation_matrices
-from gapeval.logs.read import read_recording
+from gapeval.config import BodyBox, LogSection, RotatingLaser
+from gapeval.frame import Transform, of_body, rotation_matrices
+from gapeval.logs.read import read_frames, read_recording
 from gapeval.logs.read.laser import beam_times, echoes, grazing, increment, last_beam
 from gapeval.logs.read.messages.measurement import LaserScan
 from gapeval.logs.read.motion import moved
@@ -138,11 +139,11 @@ def test_scans_that_are_missing_end_a_pass():
 
 @given(
     st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
-    st.tuples(*[st.floats(-1, 1)] * 3),
+    st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda v: np.linalg.norm(v) > 0.1),
 )
-def test_the_axis_is_found_however_the_laser_is_mounted(axis, tilt):
+def test_the_axis_is_found_however_the_laser_is_mounted(axis, mount):
     axis = np.array(axis) / np.linalg.norm(axis)
-    mount = Transform.of([0, 0, 0], [*(0.3 * np.array(tilt)), 1.0])
+    mount = Transform.of([0, 0, 0], mount)
     angles = swing([3, 3])
     turns = np.column_stack([np.sin(angles / 2)[:, None] * axis, np.cos(angles / 2)])
     attitudes = _product(np.tile(mount.quaternion, (len(angles), 1)), turns)
@@ -183,6 +184,7 @@ def test_a_laser_may_look_back_or_hang_upside_down(mount, tilt, column, way):
 def test_what_does_not_turn_has_no_axis():
     assert rotation(np.tile([0.0, 0.0, 0.0, 1.0], (100, 1))) is None
     assert rotation(np.array([[0.0, 0.0, 0.0, 1.0]])) is None
+    assert rotation(np.tile([0.0, 0.0, 1.0, 0.0], (100, 1))) is None
     shaking = 0.01 * np.random.default_rng(0).normal(size=100)
     turns = np.column_stack([np.sin(shaking / 2), np.zeros((100, 2)), np.cos(shaking / 2)])
     assert rotation(turns) is None
@@ -362,6 +364,7 @@ def test_a_pass_is_the_cloud_that_a_laser_without_delay_would_see(tmp_path, move
     frames = frames_of(path, LogSection(fixed_frame="map" if moves else None))
     assert recording.planar
     assert recording.total == 3
+    assert "/scan: 300 planar scans, 3 passes of the laser, 0 scans in none of them" in recording.notices
     assert recording.refused == {"incomplete pass of the rotating laser": 1}
     assert len(frames) == 2
     first = START
@@ -414,6 +417,77 @@ def test_time_may_run_backwards_through_a_scan(tmp_path):
         assert len(world[0]) == len(world[1])
         order = [np.lexsort(np.round(points, 2).T) for points in world]
         assert np.median(np.linalg.norm(world[0][order[0]] - world[1][order[1]], axis=1)) < 1e-3
+
+
+MULTI_ECHO = "sensor_msgs/msg/MultiEchoLaserScan"
+STAMPS = [int(s) for s in START + np.arange(150) * (SECOND // 50)]
+
+
+def echo_scan(stamp, ranges):
+    """As scan, each beam with its echo, none before it, and sometimes one behind it."""
+
+    def build(store):
+        single = scan(stamp, np.zeros(BEAMS), FIRST, STEP, INCREMENT).build(store)
+        make = store.types["sensor_msgs/msg/LaserEcho"]
+        every = [[r] if i % 3 else [] if np.isinf(r) else [0.0, r, r + 1] for i, r in enumerate(ranges)]
+        values = {name: getattr(single, name) for name in single.__dataclass_fields__ if name[0] != "_"}
+        values |= {
+            "ranges": [make(echoes=np.array(one, dtype=np.float32)) for one in every],
+            "intensities": [make(echoes=np.ones(len(one), dtype=np.float32)) for one in every],
+        }
+        return store.types[MULTI_ECHO](**values)
+
+    return Record("/scan", MULTI_ECHO, stamp, build)
+
+
+def test_scans_of_several_echoes_make_the_same_clouds(tmp_path):
+    usual = frames_of(laser_log(tmp_path / "usual", True, 3.0), LogSection(fixed_frame="map"))
+    scans = [echo_scan(stamp, ranges_at(stamp, True)[0]) for stamp in STAMPS]
+    path = laser_log(tmp_path / "log", True, 3.0, scans=scans)
+    assert len(usual) == 1
+    for echo, is_same in (("first", True), ("strongest", True), ("last", False)):
+        log = LogSection(fixed_frame="map", laser=RotatingLaser(echo=echo))
+        (found,) = frames_of(path, log)
+        assert (found.points.tobytes() == usual[0].points.tobytes()) == is_same
+        assert found.dropped == usual[0].dropped
+
+
+def test_beams_may_come_and_go_and_bag_times_may_be_the_right_ones(tmp_path):
+    """Every third scan has fewer beams; the headers' clock is a day late."""
+    day = 86400 * SECOND
+    beams = [BEAMS - 60 * (i % 3 == 0) for i in range(len(STAMPS))]
+    scans = []
+    for stamp, count in zip(STAMPS, beams, strict=True):
+        late = scan(stamp - day, ranges_at(stamp, True)[0][:count], FIRST, STEP, INCREMENT)
+        scans.append(replace(late, time=stamp))
+    path = laser_log(tmp_path / "log", True, 3.0, scans=scans)
+    (found,) = frames_of(path, LogSection(fixed_frame="map", stamps="bag"))
+    count = STAMPS.index(found.stamp) + 1
+    true = []
+    for stamp, kept in zip(STAMPS[:count], beams[:count], strict=True):
+        distance, world = ranges_at(stamp, True)
+        true.append((world - [0, 0, 0.4])[:kept][np.isfinite(distance[:kept])])
+    expected = into_robot(np.vstack(true), np.full(sum(map(len, true)), found.stamp))
+    assert np.linalg.norm(found.points - expected, axis=1).max() < 0.02
+
+
+def test_the_robots_body_is_cut_out_of_each_scan(tmp_path):
+    path = laser_log(tmp_path / "log", True, 3.0)
+    box = BodyBox(x=(0.5, 1.5), y=(-0.5, 0.5), z=(-1.0, 1.0))
+    recording = read_recording(path, LogSection(fixed_frame="map"), body=box)
+    (found,) = read_frames(recording, 0, 1)
+    count = STAMPS.index(found.stamp) + 1
+    kept = 0
+    for stamp in STAMPS[: count - 1]:
+        distance, world = ranges_at(stamp, True)
+        own = into_robot(
+            world[np.isfinite(distance)] - [0, 0, 0.4], np.full(np.isfinite(distance).sum(), stamp)
+        )
+        kept += int((~of_body(own.astype(np.float32), box)).sum())
+    last = int(np.isfinite(ranges_at(STAMPS[count - 1], True)[0]).sum())
+    (whole,) = frames_of(path, LogSection(fixed_frame="map"))
+    assert kept + last < 0.99 * len(whole.points)
+    assert abs(len(found.points) - kept - last) <= 5  # at the edges of the box
 
 
 def test_a_planar_laser_that_does_not_turn_is_told(tmp_path):

@@ -199,7 +199,10 @@ def _clouds(
     if not surveyed.planar:
         many = settings.accumulate is not None or len(names) > 1
         scans = gathered(sources, names, settings.accumulate, refusals) if many else one_by_one(sources)
-        total = surveyed.survey.headers.total if len(names) == 1 else int((sources.topics == 0).sum())
+        headers = surveyed.survey.headers
+        total = headers.total if len(names) == 1 else int((headers.topics == 0).sum())
+        if settings.sensor_frame is not None and len(names) > 1:
+            notices.append(f"log.sensor_frame: all of {' + '.join(names)} count as seen from there")
     else:
         if settings.accumulate is not None:
             raise LogError("log.accumulate is for clouds; the scans of a rotating laser are gathered by pass")

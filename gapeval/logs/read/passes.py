@@ -16,7 +16,6 @@ WHOLE = 0.8  # of the usual extent; a pass of less is incomplete
 SLIVER = 0.1  # of the usual extent; less is a joint that settles, and no pass
 PAUSE = 5.0  # usual times between scans; where more are missing, a pass ends
 
-STILL = np.array([0.0, 0.0, 0.0, 1.0])
 HALF_TURNS = np.array([[0, 0, 0, 1], [0, 0, 1, 0], [0, 1, 0, 0], [1, 0, 0, 0]], dtype=np.float64)
 SIGNS = np.array([[1, 1, 1], [-1, -1, 1], [-1, 1, -1], [1, -1, -1]])  # what these do to x, y and z
 
@@ -98,7 +97,9 @@ def untwisted(quaternions: FloatArray, axis: FloatArray) -> FloatArray:
     level = product(conjugate(_facing(quaternions, axis)), quaternions)
     twist = np.column_stack([(level[:, :3] @ axis)[:, None] * axis, level[:, 3]])
     length = np.linalg.norm(twist, axis=1, keepdims=True)
-    twist = np.where(length > 1e-9, twist / np.maximum(length, 1e-9), STILL)  # half a turn about another axis
+    twist = np.where(
+        length > 1e-9, twist / np.maximum(length, 1e-9), HALF_TURNS[0]
+    )  # half a turn about another axis
     return product(quaternions, conjugate(twist))
 
 
@@ -111,7 +112,7 @@ def _facing(quaternions: FloatArray, axis: FloatArray) -> FloatArray:
     along = np.median(rotation_matrices(quaternions) @ axis, axis=0)
     likeness = SIGNS @ (along * axis)
     if likeness[0] >= -0.5:
-        return np.tile(STILL, (len(quaternions), 1))
+        return np.tile(HALF_TURNS[0], (len(quaternions), 1))
     best = int(np.argmax(likeness >= likeness.max() - 0.1))  # the first, if several are as good
     return np.tile(HALF_TURNS[best], (len(quaternions), 1))
 

@@ -61,16 +61,23 @@ def read_frames(recording: Recording, first: int, last: int) -> Iterator[Frame |
             yield from _read_run(recording, container, run)
 
 
-def scan_digest(stamp: int, points: NDArray[np.floating], transforms: Iterable[Transform | None]) -> bytes:
+def scan_digest(
+    stamp: int,
+    points: NDArray[np.floating],
+    transforms: Iterable[Transform | None],
+    times: Stamps | None = None,
+) -> bytes:
     """SHA-256 over what was decoded, not over the file's bytes; the same on any machine.
 
-    points: (N, 3), as they stand in the log. transforms: as interpolated, whose last bits depend on the
-    machine; so they count in steps of 0.1 mm and 10 microradians.
+    points: (N, 3), as they stand in the log. times: (N,) [ns], where each has its own. transforms: as
+    interpolated, whose last bits depend on the machine; so they count in steps of 0.1 mm and 10 microradians.
     """
     digest = hashlib.sha256(struct.pack("<qQ", stamp, len(points)))
     digest.update(np.ascontiguousarray(points, dtype="<f4").data)
     for transform in transforms:
         digest.update(b"\0" if transform is None else b"\1" + _transform_bytes(transform))
+    if times is not None:
+        digest.update(np.ascontiguousarray(times, dtype="<i8").data)
     return digest.digest()
 
 
@@ -234,9 +241,9 @@ def _frame(recording: Recording, index: int, parts: list[Decoded]) -> Frame | Re
         else:
             clouds.append(moved(points, times, sources.times[member], knots).astype(np.float32))
         if recording.body is not None and member != main:
-            clouds[-1] = clouds[-1][_not_body(recording, main, member, clouds[-1])]
+            clouds[-1] = clouds[-1][_not_body(recording, index, member, clouds[-1])]
         ends = [knots.at(knot) for knot in range(len(knots))]
-        digests.append(scan_digest(int(sources.stamps[member]), points, (*ends, sensor, pose)))
+        digests.append(scan_digest(int(sources.stamps[member]), points, (*ends, sensor, pose), times))
     if not any(len(points) for points in clouds):
         return RefusedScan(stamp, NO_POINT)
     return Frame(
@@ -253,15 +260,19 @@ def _frame(recording: Recording, index: int, parts: list[Decoded]) -> Frame | Re
     )
 
 
-def _not_body(recording: Recording, main: int, member: int, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _not_body(
+    recording: Recording, index: int, member: int, points: NDArray[np.float32]
+) -> NDArray[np.bool_]:
     """Which points (N, 3), in the robot frame as it is at the cloud's stamp, are not of the robot as it was
-    when they were measured.
+    when they were measured. Errors made on purpose do not move the robot's body.
     """
-    sources = recording.scans.sources
-    if sources.pose is None or recording.reference == recording.robot_frame:
-        return ~of_body(points, recording.body)
-    here, there = sources.pose.at(main), sources.pose.at(member)
-    own = there.apply_inverse(here.apply(points.astype(np.float64)))
+    scans, sources = recording.scans, recording.scans.sources
+    own = points.astype(np.float64)
+    if scans.wrong is not None:
+        own = scans.wrong.at(index).apply_inverse(own)
+    if sources.pose is not None and recording.reference != recording.robot_frame:
+        here, there = sources.pose.at(int(scans.main[index])), sources.pose.at(member)
+        own = there.apply_inverse(here.apply(own))
     return ~of_body(own.astype(np.float32), recording.body)
 
 

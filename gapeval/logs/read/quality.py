@@ -15,9 +15,6 @@ from gapeval.logs.read.transforms import (
     rotation_vectors,
 )
 
-Z, ROLL, PITCH = 2, 3, 4  # in a covariance of ROS: x, y, z, then about the same axes
-NO_COVARIANCE = np.full((6, 6), np.nan)
-
 
 def pose_quality(
     pose: Transforms, between: Bracket, widest: Stamps, covariances: NDArray[np.float64] | None
