@@ -163,13 +163,16 @@ def test_a_merged_cloud_without_its_partner_is_refused(tmp_path):
 
 
 def test_all_clouds_of_the_first_topic_count_where_several_are_merged(tmp_path):
-    """Also those that have no transform; of the others only what was refused."""
+    """Also those that have no transform, which are told, scan by scan, beside those of the others."""
     front = [sparse(stamp) for stamp in STAMPS]
     rear = [sparse(stamp, REAR, "rear", "/rear") for stamp in STAMPS]
     path = write_sorted(tmp_path / "log", tf(0.25, lidar=MOUNT, rear=REAR), front, rear)
     recording = read_recording(path, settings(cloud_topics=["/points", "/rear"]))
     assert (recording.total, recording.matched) == (12, 8)
-    assert sum(recording.refused.values()) == 8
+    assert recording.refused == {}
+    told = [notice.split() for notice in recording.notices if notice.startswith("left out")]
+    assert sum(int(words[2]) for words in told) == 8
+    assert all(words[3:6] == ["scans:", "no", "transform"] for words in told)
 
 
 def test_one_sensor_frame_for_several_topics_is_told(two):

@@ -364,7 +364,8 @@ def test_a_pass_is_the_cloud_that_a_laser_without_delay_would_see(tmp_path, move
     frames = frames_of(path, LogSection(fixed_frame="map" if moves else None))
     assert recording.planar
     assert recording.total == 3
-    assert "/scan: 300 planar scans, 3 passes of the laser, 0 scans in none of them" in recording.notices
+    told = "3 passes of the laser, the whole ones of 178 to 180 deg, 0 scans in none of them"
+    assert f"/scan: 300 planar scans, {told}" in recording.notices
     assert recording.refused == {"incomplete pass of the rotating laser": 1}
     assert len(frames) == 2
     first = START

@@ -97,9 +97,8 @@ def untwisted(quaternions: FloatArray, axis: FloatArray) -> FloatArray:
     level = product(conjugate(_facing(quaternions, axis)), quaternions)
     twist = np.column_stack([(level[:, :3] @ axis)[:, None] * axis, level[:, 3]])
     length = np.linalg.norm(twist, axis=1, keepdims=True)
-    twist = np.where(
-        length > 1e-9, twist / np.maximum(length, 1e-9), HALF_TURNS[0]
-    )  # half a turn about another axis
+    # Half a turn about another axis has none about this one.
+    twist = np.where(length > 1e-9, twist / np.maximum(length, 1e-9), HALF_TURNS[0])
     return product(quaternions, conjugate(twist))
 
 
