@@ -289,7 +289,7 @@ class LogSection(Section):
     strict: bool = False
     """whether a log that cannot be read whole is an error"""
     poses: str | None = None
-    """file of poses, TUM or KITTI, for a folder of clouds; default: the one in it"""
+    """file of poses of the robot frame, TUM or KITTI, in place of those in the log"""
     imu_topic: str | None = None
     """sensor_msgs/Imu that tells where down is, where there is no full pose; default: the only one"""
     pose_topic: str | None = None
